@@ -48,7 +48,7 @@ class ChamberEffects:
 
     @classmethod
     def graded(cls, severity: float, gain: float = 1.0) -> ChamberEffects:
-        """Effects of soft light: none (severity 0), those of a good finger (1), of a poor one (2)."""
+        """Effects of soft light: none (severity 0), of a good finger (1), of a poor one (2)."""
         soft = replace(TYPICAL, **dict.fromkeys(REAL, 0.0))
         return replace(scaled(soft, checked(severity), KEPT), gain=gain)
 

@@ -16,9 +16,9 @@ from optics.scene.writer import scene_tables
 from studies.image_check import ImageCheckSpec
 from studies.models.finger_file import packaged_finger
 from studies.models.sensor.poses import spread_angles
+from studies.oracles.judge.capture import Capture
 from studies.oracles.judge.contacts import Contact
 from studies.oracles.judge.fabrication import sample_errors
-from studies.oracles.judge.look import Look
 
 WIDTH = 24.0
 """Of the pads, mm."""
@@ -89,7 +89,7 @@ class Finger(NamedTuple):
         tables: of its scene's file as the judge takes it: to that a wall with a lamp is clear.
         errors: as the judge has drawn them; estimators never get them.
         poses: joint angles of its frames, the labelled ones first, degrees.
-        looks: of its frames.
+        captures: of its frames.
     """
 
     number: int
@@ -98,7 +98,7 @@ class Finger(NamedTuple):
     tables: dict[str, Any]
     errors: dict[str, Any]
     poses: Float[np.ndarray, "frames joints"]
-    looks: list[Look]
+    captures: list[Capture]
 
 
 def nominal(layers: str) -> dict[str, Any]:
@@ -130,27 +130,27 @@ def fingers(spec: ImageCheckSpec, deviations: Mapping[str, Any], seed: int) -> I
         top = RANGES_DEG.get(layers, 90.0)
         labelled = spread_angles([(0.0, top)] * 2, spec.labelled)
         poses = np.concatenate([labelled, generator.uniform(0, top, (spec.frames, 2))]).round(3)
-        look = _look(light, generator)
-        looks = [
+        capture = _capture(light, generator)
+        captures = [
             dataclasses.replace(
-                look,
+                capture,
                 exposure=float(generator.uniform(0.5, 0.9)),
                 contacts=_contacts(tables, generator) if _pressed(i - spec.labelled) else (),
             )
             for i in range(len(poses))
         ]
-        yield Finger(number, light, layers, tables, errors, poses, looks)
+        yield Finger(number, light, layers, tables, errors, poses, captures)
 
 
 def _pressed(frame: int) -> bool:
     return frame >= 0 and (frame + 1) % UNTOUCHED != 0
 
 
-def _look(light: str, generator: np.random.Generator) -> Look:
+def _capture(light: str, generator: np.random.Generator) -> Capture:
     blur = float(generator.uniform(0.4, 0.8))
     if light == EVEN:
-        return Look(blur=blur)
-    return Look(
+        return Capture(blur=blur)
+    return Capture(
         light="lamps",
         coupling="coupled" if light == COUPLED else "air",
         walls=float(generator.uniform(0.02, 0.08)),

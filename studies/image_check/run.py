@@ -87,9 +87,9 @@ def run(spec: ImageCheckSpec, context: Context) -> Results:
     for finger in fingers(spec, deviations, context.seed):
         with context.step(f"finger {finger.number}: {finger.light}, layers: {finger.layers}"):
             photos = [
-                photograph(finger.tables, finger.errors, _pose(angles), look, number, folder)
-                for number, (angles, look) in enumerate(
-                    zip(finger.poses, finger.looks, strict=True)
+                photograph(finger.tables, finger.errors, _pose(angles), capture, number, folder)
+                for number, (angles, capture) in enumerate(
+                    zip(finger.poses, finger.captures, strict=True)
                 )
             ]
             found.add(finger, photos, context.seed)
@@ -137,7 +137,7 @@ class Findings:
     def add(self, finger: Finger, photos: Sequence[Photograph], seed: int) -> None:
         """Find views and joint angles in the pictures of one finger."""
         angles = np.deg2rad(finger.poses)
-        gamma = finger.looks[0].gamma
+        gamma = finger.captures[0].gamma
         where = {"finger": finger.number, "light": finger.light, "layers": finger.layers}
         models = {MODELS[0]: self.sensor(finger.layers)}
         if finger.light == EVEN and finger.layers != "none":
@@ -170,7 +170,7 @@ class Findings:
         predict = eqx.filter_jit(sensor.model.predict)
         polished = "polished" in finger.layers
         for number, (photo, sighting) in enumerate(zip(photos, sightings, strict=True)):
-            pressed = bool(finger.looks[number].contacts)
+            pressed = bool(finger.captures[number].contacts)
             own = where | {"frame": number, "pressed": pressed}
             self.frames.add(**own, seconds=seconds)
             outlines = np.asarray(predict(jnp.asarray(unit), jnp.deg2rad(finger.poses[number])))
@@ -310,8 +310,10 @@ def defined(angles: Records) -> Records:
 def add_findings(out: Report, found: Findings) -> None:
     """Plain sentences, most important first."""
     out.say("views")
-    out.say("corners")
-    out.say("angles")
+    if len(found.corners.where(light=EVEN)):
+        out.say("corners")
+    if len(defined(found.angles.where(model=MODELS[0], light=EVEN))):
+        out.say("angles")
     if len(found.angles.where(model=MODELS[1])):
         out.say("air")
     out.say("model")

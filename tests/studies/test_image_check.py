@@ -33,16 +33,16 @@ def stated(layers="3 mm, pupil"):
 
 def test_default_frames_are_lit_by_both_couplings_and_pressed():
     made = list(fingers(ImageCheckSpec(), plain(stated()), 0))
-    frames = [(one.light, look) for one in made for look in one.looks]
+    frames = [(one.light, capture) for one in made for capture in one.captures]
     lights = Counter(light for light, _ in frames)
     assert len(made) >= 30
     assert len(frames) >= 300
     assert min(lights[GAP], lights[COUPLED]) >= 30
     assert lights[GAP] + lights[COUPLED] >= 100
-    assert sum(bool(look.contacts) for _, look in frames) >= 0.3 * len(frames)
-    assert all(0.02 <= look.walls <= 0.08 for light, look in frames if light != EVEN)
+    assert sum(bool(capture.contacts) for _, capture in frames) >= 0.3 * len(frames)
+    assert all(0.02 <= capture.walls <= 0.08 for light, capture in frames if light != EVEN)
     # Frames with labels are those of an untouched finger.
-    assert not any(look.contacts for one in made for look in one.looks[:5])
+    assert not any(capture.contacts for one in made for capture in one.captures[:5])
 
 
 def test_errors_are_counted_in_their_standard_deviations():

@@ -12,11 +12,11 @@ import pytest
 import scipy.integrate
 import scipy.optimize
 
+from studies.oracles.judge.capture import Capture, expose
 from studies.oracles.judge.contacts import Contact, Contacts, bulge
 from studies.oracles.judge.fabrication import CHANNELS, fabricated, of_channel, sample_errors
 from studies.oracles.judge.frames import judge
 from studies.oracles.judge.light import air_irradiance, gather_light, light_membranes
-from studies.oracles.judge.look import Look, expose
 from studies.oracles.judge.photograph import lens_of, photograph, trace_light
 from studies.oracles.judge.solids import FOOT, GAP, TOP, frame_of
 from studies.oracles.judge.tracing import Tracer
@@ -152,7 +152,7 @@ def test_every_color_has_its_own_index():
     assert found == corners_of(judge(layered[1], {}))
     green = corners_of(judge(layered[0], {}))
     assert max(math.dist(found[one], green[one]) for one in found) > 0.05
-    [shown] = photograph(layered[0] | {"mirrors": []}, None, {}, Look(), 0).shown
+    [shown] = photograph(layered[0] | {"mirrors": []}, None, {}, Capture(), 0).shown
     for corner, place in zip(((0, -1), (0, 1), (1, -1), (1, 1)), shown.channels[2], strict=True):
         assert place == pytest.approx(found[corner], abs=FINE_PX)
 
@@ -161,7 +161,7 @@ def test_every_color_has_its_own_index():
 def test_lamps_beside_black_layers_are_refused():
     tables = {"pads": [PAD | {"layers": [CLEAR | {"sides": "black"}]}]}
     with pytest.raises(ValueError, match="no clear sides"):
-        light_membranes(tables, Look(light="lamps"))
+        light_membranes(tables, Capture(light="lamps"))
 
 
 @needs_mitsuba
@@ -283,7 +283,7 @@ def test_a_line_lamp_in_air_lights_a_membrane_by_the_integral(lamp):
 
 def test_lamps_in_air_light_edges_4_to_10_times_as_much_as_the_middle():
     pads = [{"name": "pad", "from": [0, 0], "to": [30, 0], "width": 24.0}]
-    [light], _ = light_membranes({"pads": pads}, Look(light="lamps"))
+    [light], _ = light_membranes({"pads": pads}, Capture(light="lamps"))
     values = light.at(np.array([15.0, 15.0, 15.0]), np.array([-12.0, 0.0, 12.0]))
     total = values.sum(axis=-1)
     assert 4 < total[0] / total[1] < 10
@@ -368,7 +368,7 @@ def test_a_lamp_that_touches_a_layer_lights_the_membrane_directly_and_by_its_ima
 def test_second_images_join_the_membrane_and_black_sides_show_none():
     def width(sides):
         pads = [PAD | {"layers": [CLEAR | {"sides": sides}]}]
-        light, _ = trace_light(SCENE | {"pads": pads, "mirrors": []}, {}, Look(exposure=1.0))
+        light, _ = trace_light(SCENE | {"pads": pads, "mirrors": []}, {}, Capture(exposure=1.0))
         row = light[350, :, 1]
         return np.flatnonzero(row > 0.5)[[0, -1]], row
 
@@ -390,8 +390,8 @@ def test_second_images_join_the_membrane_and_black_sides_show_none():
 @needs_mitsuba
 def test_half_height_edges_of_an_even_square_are_where_its_corners_are():
     errors = {"roll": 0.01, "yaw": 0.004}
-    look = Look(exposure=1.0, noise=0.0, blur=0.7)
-    photo = photograph(SCENE | {"mirrors": []}, errors, {}, look, 0)
+    capture = Capture(exposure=1.0, noise=0.0, blur=0.7)
+    photo = photograph(SCENE | {"mirrors": []}, errors, {}, capture, 0)
     [shown] = photo.shown
     assert shown.whole
     assert shown.lifted == [0] * 4
@@ -426,24 +426,24 @@ def test_noise_and_response_have_their_statistics():
     light = np.full((200, 300, 3), 0.25)
     far = np.full((200, 300), 20.0)
     generator = np.random.default_rng(0)
-    linear = expose(light, far, Look(noise=0.04, blur=0), generator) / 255
+    linear = expose(light, far, Capture(noise=0.04, blur=0), generator) / 255
     assert linear.mean() == pytest.approx(0.25, abs=1e-3)
     # Half of the deviation at full scale, and a fifth of it besides.
     assert linear.std() == pytest.approx(0.04 * math.hypot(0.5, 0.2), rel=0.02)
-    coded = expose(light, far, Look(noise=0, blur=0, gamma=2.2), generator) / 255
+    coded = expose(light, far, Capture(noise=0, blur=0, gamma=2.2), generator) / 255
     assert coded == pytest.approx(np.full_like(light, 0.25 ** (1 / 2.2)), abs=0.002)
-    again = expose(light, far, Look(), np.random.default_rng(5))
-    assert np.array_equal(again, expose(light, far, Look(), np.random.default_rng(5)))
+    again = expose(light, far, Capture(), np.random.default_rng(5))
+    assert np.array_equal(again, expose(light, far, Capture(), np.random.default_rng(5)))
 
 
 def test_defocus_spreads_light_over_discs_by_distance():
     light = np.zeros((101, 101, 3))
     light[50, 50] = 1.0
-    look = Look(noise=0, blur=0, defocus=200.0, focus=40.0)
-    near = expose(40 * light, np.full((101, 101), 20.0), look, np.random.default_rng(0))
+    capture = Capture(noise=0, blur=0, defocus=200.0, focus=40.0)
+    near = expose(40 * light, np.full((101, 101), 20.0), capture, np.random.default_rng(0))
     # 200 |1/20 − 1/40| = 5 px.
     assert np.count_nonzero(near[..., 1] > 64) == pytest.approx(math.pi * 25, rel=0.2)
-    sharp = expose(light, np.full((101, 101), 40.0), look, np.random.default_rng(0))
+    sharp = expose(light, np.full((101, 101), 40.0), capture, np.random.default_rng(0))
     assert np.count_nonzero(sharp[..., 1]) == 1
 
 
@@ -476,7 +476,7 @@ def test_the_top_of_a_contact_appears_where_it_is_and_corners_say_how_far_they_a
     traced = tracer.trace(lens.rays(place[None]))
     assert traced.along[0] == pytest.approx(40, abs=0.01)
     assert traced.across[0] == pytest.approx(5, abs=0.01)
-    pressed = Look(contacts=(Contact("pad", "ball", 44.0, 9.0, 0.5),))
+    pressed = Capture(contacts=(Contact("pad", "ball", 44.0, 9.0, 0.5),))
     [shown] = photograph(tables, None, {}, pressed, 0).shown
     assert shown.lifted[3] > 0.1
     assert max(shown.lifted[:3]) < 0.01
@@ -485,14 +485,14 @@ def test_the_top_of_a_contact_appears_where_it_is_and_corners_say_how_far_they_a
 @needs_mitsuba
 def test_pictures_are_kept_and_the_same_for_a_seed(tmp_path):
     tables = SCENE | {"pads": [PAD | {"layers": [CLEAR]}]}
-    look = Look(light="lamps", coupling="coupled", walls=0.05, flare=0.02, jpeg=90, gamma=2.2)
-    first = photograph(tables, {"pupil": 0.1}, {}, look, 3, tmp_path)
+    capture = Capture(light="lamps", coupling="coupled", walls=0.05, flare=0.02, jpeg=90, gamma=2.2)
+    first = photograph(tables, {"pupil": 0.1}, {}, capture, 3, tmp_path)
     [kept] = tmp_path.iterdir()
-    again = photograph(tables, {"pupil": 0.1}, {}, look, 3, tmp_path)
+    again = photograph(tables, {"pupil": 0.1}, {}, capture, 3, tmp_path)
     assert np.array_equal(first.pixels, again.pixels)
     assert [one.path for one in first.shown] == [one.path for one in again.shown] == ["", "wall"]
     kept.unlink()
-    other = photograph(tables, {"pupil": 0.1}, {}, look, 3, tmp_path)
+    other = photograph(tables, {"pupil": 0.1}, {}, capture, 3, tmp_path)
     assert np.array_equal(first.pixels, other.pixels)
     assert first.pixels.shape == (700, 933, 3)
     # Lamps that touch the layer are saturated strips; walls are nearly black, but not quite.

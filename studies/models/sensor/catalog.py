@@ -37,7 +37,7 @@ MADE = 8
 """Fingers with errors of fabrication, beside the designed one, that show what others may show."""
 
 
-class Looked(NamedTuple):
+class PosedViews(NamedTuple):
     """One finger in the poses of a catalogue; arrays of the shape (joints, values, paths, pads).
 
     Attributes:
@@ -81,16 +81,16 @@ def catalog_of(
     poses = np.zeros((joints, len(ANGLES), joints))
     for joint in range(joints):
         poses[joint, :, joint] = ANGLES
-    own = look(scene, imaging, Fabrication.none(layout), width, poses)
+    own = find_posed_views(scene, imaging, Fabrication.none(layout), width, poses)
     generator, made = np.random.default_rng(0), []
     for _ in range(MADE):
         numbers = generator.standard_normal(sum(leaf.size for leaf in jax.tree.leaves(deviations)))
         errors = scale_errors(deviations, jnp.asarray(numbers))
         one = perturb(scene, errors, carried=carried)
         camera = eqx.tree_at(lambda imaging: imaging.camera, imaging, one.camera)
-        made.append(look(one, camera, errors, width, poses))
-    others = Looked(*map(np.array, zip(*made, strict=True)))
-    together = Looked(*(np.concatenate([a[None], b]) for a, b in zip(own, others, strict=True)))
+        made.append(find_posed_views(one, camera, errors, width, poses))
+    others = PosedViews(*map(np.array, zip(*made, strict=True)))
+    together = PosedViews(*(np.concatenate([a[None], b]) for a, b in zip(own, others, strict=True)))
     complete, possible = np.mean(together.whole, axis=0), np.any(together.seen, axis=0)
     always = np.all(together.ends, axis=0)
     spread = np.sqrt(np.mean(rms_of_ends(others.corners - own.corners) ** 2, axis=0))
@@ -181,13 +181,13 @@ def _bends(
     return straight.reshape(corners.shape) - corners
 
 
-def look(
+def find_posed_views(
     scene: Scene,
     imaging: Imaging,
     errors: Fabrication,
     width: float,
     poses: Float[np.ndarray, "joints values joints"],
-) -> Looked:
+) -> PosedViews:
     """What a finger shows in several poses."""
     views, pads = _views_of(scene), len(scene.layout.pads)
     shape = *poses.shape[:2], len(views) // pads, pads
@@ -207,7 +207,9 @@ def look(
         np.stack([np.any(kind, axis=-1) for kind in kinds], axis=-2)
         for kinds in zip(*by_path, strict=True)
     )
-    return Looked(corners.reshape(*shape, 4, 2), seen, np.stack([first, second], axis=-1), whole)
+    return PosedViews(
+        corners.reshape(*shape, 4, 2), seen, np.stack([first, second], axis=-1), whole
+    )
 
 
 def _views_of(scene: Scene) -> tuple[tuple[tuple[int, ...], int], ...]:

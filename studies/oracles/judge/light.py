@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 import scipy.ndimage
 
+from studies.oracles.judge.capture import Capture
 from studies.oracles.judge.contacts import Contacts
-from studies.oracles.judge.look import Look
 from studies.oracles.judge.solids import FOOT, GAP, TOP, WIDTH, Tables
 from studies.oracles.judge.tracing import Tracer, Walls
 
@@ -75,21 +75,21 @@ class MembraneLight(NamedTuple):
         )
 
 
-def light_membranes(tables: Tables, look: Look) -> tuple[list[MembraneLight], float]:
+def light_membranes(tables: Tables, capture: Capture) -> tuple[list[MembraneLight], float]:
     """The light of every pad's membrane, and what its unit is: lamps are as bright as `COLORS`.
 
     Raises:
         ValueError: no lamp lights any membrane.
     """
-    contacts = Contacts(tables, look.contacts)
+    contacts = Contacts(tables, capture.contacts)
     kept = ("from", "to", "side", "width", "layers", "bezel")
     found = []
     for i, pad in enumerate(tables.get("pads", [])):
         own = {name: pad[name] for name in kept if name in pad}
         pressed = [one._replace(pad="") for one in contacts.of(i)]
-        light = _light_once(json.dumps([own, look.light, look.coupling]))
-        found.append(_press(own, light, pressed, look))
-    if look.light == "even":
+        light = _light_once(json.dumps([own, capture.light, capture.coupling]))
+        found.append(_press(own, light, pressed, capture))
+    if capture.light == "even":
         return found, 1.0
     brightest = np.concatenate([one.values.max(axis=-1).ravel() for one in found])
     level = float(np.quantile(brightest, 0.99))
@@ -236,7 +236,7 @@ def gather_light(
     return irradiance, exchange
 
 
-def _press(pad: Tables, flat: FlatLight, pressed: list, look: Look) -> MembraneLight:
+def _press(pad: Tables, flat: FlatLight, pressed: list, capture: Capture) -> MembraneLight:
     """The light of a membrane with what is pressed into it, if anything is."""
     length, half = flat.length, flat.half
     direct, round_ = flat.direct, flat.round_
@@ -249,7 +249,7 @@ def _press(pad: Tables, flat: FlatLight, pressed: list, look: Look) -> MembraneL
     bulges = Contacts({"pads": [{**pad, "name": ""}]}, pressed)
     heights, normals = bulges.heights(0, along, across), bulges.normals(0, along, across)
     round_ = round_ * ((1 + normals[..., 2:]) / 2)
-    if look.light == "lamps":
+    if capture.light == "lamps":
         for lamp in range(3):
             direct[..., lamp] *= _shading(pad, length, half, lamp, along, across, heights, normals)
     return MembraneLight(length, half, direct @ COLORS + round_)

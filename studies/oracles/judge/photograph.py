@@ -15,15 +15,15 @@ from typing import NamedTuple
 import numpy as np
 import scipy.ndimage
 
+from studies.oracles.judge.capture import Capture, expose
 from studies.oracles.judge.contacts import Contacts
 from studies.oracles.judge.fabrication import CHANNELS, Errors, fabricated, of_channel
 from studies.oracles.judge.frames import ASPECT, sources
 from studies.oracles.judge.lens import Lens
 from studies.oracles.judge.light import COLORS, MembraneLight, light_membranes
-from studies.oracles.judge.look import Look, expose
 from studies.oracles.judge.solids import Pose, Tables, motion_of
 from studies.oracles.judge.tracing import NUDGE, Traced, Tracer, Walls
-from studies.oracles.judge.truth import Shown, find_shown
+from studies.oracles.judge.truth import ViewTruth, find_view_truths
 
 BOUNCES = 3
 """By mirrors: light does not stop after as many as a scene's file counts."""
@@ -53,14 +53,14 @@ class Photograph(NamedTuple):
     """
 
     pixels: np.ndarray
-    shown: list[Shown]
+    shown: list[ViewTruth]
 
 
 def photograph(
     tables: Tables,
     errors: Errors | None,
     pose: Pose,
-    look: Look,
+    capture: Capture,
     seed: int,
     folder: Path | None = None,
 ) -> Photograph:
@@ -70,23 +70,25 @@ def photograph(
         tables: of the scene as designed.
         errors: of fabrication, if there are any.
         pose: joint angles, degrees; those not named are 0.
-        look: light, exposure and the like.
+        capture: light, exposure and the like.
         seed: of noise.
         folder: where pictures are kept, if they are.
     """
     path = None
     if folder is not None:
-        asked = json.dumps([tables, errors, pose, dataclasses.asdict(look), seed], sort_keys=True)
+        asked = json.dumps(
+            [tables, errors, pose, dataclasses.asdict(capture), seed], sort_keys=True
+        )
         path = folder / f"{hashlib.sha256(sources() + asked.encode()).hexdigest()}.npz"
         missing = OSError, ValueError, TypeError, KeyError  # none, or not what was written
         with suppress(*missing), np.load(path) as kept:
-            shown = [Shown(*one) for one in json.loads(str(kept["shown"]))]
+            shown = [ViewTruth(*one) for one in json.loads(str(kept["shown"]))]
             return Photograph(kept["pixels"], shown)
     made = dict(fabricated(tables, errors or {}))
     made["scene"] = made.get("scene", {}) | {"bounces": BOUNCES}
-    light, distance = trace_light(made, pose, look)
-    pixels = expose(light, distance, look, np.random.default_rng(seed))
-    photo = Photograph(pixels, find_shown(made, pose, look))
+    light, distance = trace_light(made, pose, capture)
+    pixels = expose(light, distance, capture, np.random.default_rng(seed))
+    photo = Photograph(pixels, find_view_truths(made, pose, capture))
     if path is not None:
         with tempfile.NamedTemporaryFile(dir=folder, delete=False, suffix=".npz") as file:
             np.savez_compressed(file, pixels=pixels, shown=json.dumps(photo.shown))
@@ -100,21 +102,21 @@ def lens_of(tables: Tables, pose: Pose) -> Lens:
     return Lens.of(camera, motion_of(tables, pose, camera.get("body", "world")), ASPECT)
 
 
-def trace_light(tables: Tables, pose: Pose, look: Look) -> tuple[np.ndarray, np.ndarray]:
+def trace_light(tables: Tables, pose: Pose, capture: Capture) -> tuple[np.ndarray, np.ndarray]:
     """Light that reaches every pixel, full scales, and how far away what is seen is, mm.
 
     Args:
         tables: of a finger that has been made.
         pose: joint angles, degrees.
-        look: light and walls.
+        capture: light and walls.
     """
-    lights, unit = light_membranes(tables, look)
+    lights, unit = light_membranes(tables, capture)
     by_channel = [of_channel(tables, channel) for channel in CHANNELS]
-    green = _Image(by_channel[1], pose, look, lights, unit)
+    green = _Image(by_channel[1], pose, capture, lights, unit)
     light, distance, edge = green.take()
     for i in (0, 2):
         if by_channel[i] != by_channel[1]:
-            other = _Image(by_channel[i], pose, look, lights, unit, green)
+            other = _Image(by_channel[i], pose, capture, lights, unit, green)
             light[..., i] = other.retake(light, edge)[..., i]
     return light, distance
 
@@ -126,19 +128,19 @@ class _Image:
         self,
         tables: Tables,
         pose: Pose,
-        look: Look,
+        capture: Capture,
         lights: list[MembraneLight],
         unit: float,
         green: _Image | None = None,
     ) -> None:
-        self._look, self._lights, self._scale = look, lights, unit * look.exposure
-        self._lens, lit = lens_of(tables, pose), look.light == "lamps"
-        self._contacts = Contacts(tables, look.contacts)
+        self._capture, self._lights, self._scale = capture, lights, unit * capture.exposure
+        self._lens, lit = lens_of(tables, pose), capture.light == "lamps"
+        self._contacts = Contacts(tables, capture.contacts)
         self._tracer = Tracer(
             tables, pose, self._lens.position, lamps=lit, housing=True,
-            contacts=self._contacts if look.contacts else None,
+            contacts=self._contacts if capture.contacts else None,
         )  # fmt: skip
-        self._coupling: Walls = look.coupling
+        self._coupling: Walls = capture.coupling
         faces = self._tracer.faces
         self._lamp = np.array([face.lamp if face.kind == "lamp" else -1 for face in faces])
         self._wall = np.array([face.kind in ("blocker", "body", "lamp") for face in faces])
@@ -229,7 +231,7 @@ class _Image:
     def _radiance(self, traced: Traced, places: np.ndarray | None = None) -> np.ndarray:
         """What rays bring, full scales, shape (rays, 3); of walls where places are given."""
         found = np.zeros((len(traced.end), 3))
-        if self._look.light == "lamps":
+        if self._capture.light == "lamps":
             found = traced.glow @ COLORS
         for pad, light in enumerate(self._lights):
             mine = np.flatnonzero(traced.reached & (traced.pad == pad))
@@ -247,7 +249,7 @@ class _Image:
 
     @property
     def _walls_lit(self) -> bool:
-        return self._look.walls > 0
+        return self._capture.walls > 0
 
     def _light_walls(self) -> None:
         """Radiance of walls on a coarse grid, by what they are: each smoothed by itself."""
@@ -286,7 +288,7 @@ class _Image:
         for part in np.array_split(np.arange(len(begin)), len(begin) // CHUNK + 1):
             met = self._tracer.trace(ways[part], begin[part], inside[part], self._coupling)
             values[part] = self._radiance(met) / self._scale
-        mean = self._look.walls * values.reshape(-1, WALL_RAYS, 3).mean(axis=1)
+        mean = self._capture.walls * values.reshape(-1, WALL_RAYS, 3).mean(axis=1)
         mean *= traced.transmission[wall, None]
         for label in np.unique(labels[wall]).tolist():
             mine = wall[labels[wall] == label]

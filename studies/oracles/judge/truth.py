@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from studies.oracles.judge.capture import Capture
 from studies.oracles.judge.contacts import Contacts
 from studies.oracles.judge.fabrication import CHANNELS, of_channel
 from studies.oracles.judge.frames import ASPECT, INSET, SPARE, find_places
 from studies.oracles.judge.lens import Lens
-from studies.oracles.judge.look import Look
 from studies.oracles.judge.solids import WIDTH, Pose, Tables, motion_of
 from studies.oracles.judge.tracing import Tracer, path_of
 
@@ -28,7 +28,7 @@ ENDS = tuple(itertools.product((0, 1), (-1, 1)))
 """Of a membrane, and sides across: its corners in their order."""
 
 
-class Shown(NamedTuple):
+class ViewTruth(NamedTuple):
     """A pad by a path that shows something of it.
 
     Attributes:
@@ -55,14 +55,14 @@ class Shown(NamedTuple):
     lifted: list[float]
 
 
-def find_shown(tables: Tables, pose: Pose, look: Look) -> list[Shown]:
+def find_view_truths(tables: Tables, pose: Pose, capture: Capture) -> list[ViewTruth]:
     """All pads by all paths that show something of them through their outermost surfaces."""
     scenes = [of_channel(tables, channel) for channel in CHANNELS]
     camera = tables["camera"]
     motion = motion_of(tables, pose, camera.get("body", "world"))
     lenses = [Lens.of(scene["camera"], motion, ASPECT) for scene in scenes]
-    lens, contacts = lenses[1], Contacts(tables, look.contacts)
-    whole = Tracer(scenes[1], pose, lens.position, lamps=look.light == "lamps")
+    lens, contacts = lenses[1], Contacts(tables, capture.contacts)
+    whole = Tracer(scenes[1], pose, lens.position, lamps=capture.light == "lamps")
     columns, rows = np.arange(0, lens.columns, STEP), np.arange(0, lens.rows, STEP)
     grid = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
     seen = whole.trace(*lens.sight(grid))
@@ -106,7 +106,7 @@ def find_shown(tables: Tables, pose: Pose, look: Look) -> list[Shown]:
             path, least = path_of(tables, word), (there.grazing[ok], there.transmission[ok])
             grazing, light = (float(np.min(one, initial=1.0)) for one in least)
             found.append(
-                Shown(
+                ViewTruth(
                     pad["name"], path, places[:4].tolist(), ok[:4].tolist(), bool(ok.all()),
                     [one.tolist() for one in channels], grazing, light, lifted,
                 )

@@ -27,7 +27,7 @@ BRIGHTEST = 50.0
 
 
 @dataclass(frozen=True)
-class Look:
+class Capture:
     """How pictures are taken.
 
     Attributes:
@@ -61,36 +61,36 @@ class Look:
 
 
 def expose(
-    light: np.ndarray, distance: np.ndarray, look: Look, generator: np.random.Generator
+    light: np.ndarray, distance: np.ndarray, capture: Capture, generator: np.random.Generator
 ) -> np.ndarray:
     """The picture of an image of light.
 
     Args:
         light: full scales, shape (rows, columns, 3).
         distance: of what is seen, mm, ∞ where nothing is, shape (rows, columns).
-        look: how it is taken.
+        capture: how it is taken.
         generator: of noise.
 
     Returns:
         Gray levels, 8 bits, shape (rows, columns, 3), red first.
     """
     image = light.astype(np.float32)
-    if look.defocus:
-        image = _out_of_focus(image, look.defocus * np.abs(1 / distance - 1 / look.focus))
-    if look.blur:
-        image = cv2.GaussianBlur(image, (0, 0), look.blur)
-    if look.flare:
+    if capture.defocus:
+        image = _out_of_focus(image, capture.defocus * np.abs(1 / distance - 1 / capture.focus))
+    if capture.blur:
+        image = cv2.GaussianBlur(image, (0, 0), capture.blur)
+    if capture.flare:
         bright = np.minimum(image, BRIGHTEST)
         veil, ghost = _spread(bright, VEIL_PX), _spread(bright[::-1, ::-1], GHOST_PX)
-        image = (1 - look.flare) * image + look.flare * ((1 - GHOST) * veil + GHOST * ghost)
+        image = (1 - capture.flare) * image + capture.flare * ((1 - GHOST) * veil + GHOST * ghost)
     photons, read = generator.standard_normal((2, *image.shape), np.float32)
-    image = image + look.noise * (np.sqrt(np.clip(image, 0, 1)) * photons + read / 5)
-    levels = np.clip(image, 0, 1) ** (1 / look.gamma)
+    image = image + capture.noise * (np.sqrt(np.clip(image, 0, 1)) * photons + read / 5)
+    levels = np.clip(image, 0, 1) ** (1 / capture.gamma)
     pixels = np.rint(255 * levels).astype(np.uint8)
-    if look.jpeg is None:
+    if capture.jpeg is None:
         return pixels
     swapped = np.ascontiguousarray(pixels[..., ::-1])
-    _, file = cv2.imencode(".jpg", swapped, [cv2.IMWRITE_JPEG_QUALITY, look.jpeg])
+    _, file = cv2.imencode(".jpg", swapped, [cv2.IMWRITE_JPEG_QUALITY, capture.jpeg])
     stored = cv2.imdecode(file, cv2.IMREAD_COLOR)
     assert stored is not None  # it has just been encoded
     return np.ascontiguousarray(stored[..., ::-1])
