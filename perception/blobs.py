@@ -33,6 +33,10 @@ LEAST_AREA = 1.5e-4
 STEADY = 0.5
 """An edge moves by less than so many pixels from threshold to threshold; a gradient by more."""
 
+UNEVEN, AREAS = 0.25, 2.5
+"""Halves of one view differ in their rows by less than this part, and in area by less than this
+ratio."""
+
 MOST = 64
 """Blobs of one threshold that are looked at; an image with more shows no finger."""
 
@@ -40,7 +44,7 @@ LIKE = 0.02
 """A part that is smaller than this share of a blob falling apart is a chip, not a part."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Blob:
     """A bright blob.
 
@@ -72,6 +76,41 @@ def stable_blobs(gray: Gray) -> list[Blob]:
             (roots if parent is None else parent.children).append(node)
         previous = nodes
     return [blob for root in roots for blob in _best(root)[0]]
+
+
+def join_halves(blobs: list[Blob]) -> list[Blob]:
+    """Blobs, those joined that are the two halves of one view.
+
+    Every pad goes from side to side, and no other is beside it there: what is bright on the same
+    rows are the edges of one pad, lit by lamps beside them, whose middle is too dark. Nothing else
+    is between them.
+    """
+    joined: list[Blob] = []
+    for blob in sorted(blobs, key=lambda one: one.area, reverse=True):
+        half = next((i for i, other in enumerate(joined) if _are_halves(blob, other)), None)
+        if half is None:
+            joined.append(blob)
+            continue
+        hull = cv2.convexHull(np.concatenate([blob.contour, joined[half].contour]))
+        both = Blob(hull.reshape(-1, 2), cv2.contourArea(hull))
+        if any(_holds(both, one) for one in blobs if one not in (blob, joined[half])):
+            joined.append(blob)
+        else:
+            joined[half] = both
+    return joined
+
+
+def _are_halves(one: Blob, other: Blob) -> bool:
+    """Whether two blobs are beside each other, with about the same rows and area."""
+    (left, top), (right, bottom) = one.contour.min(axis=0), one.contour.max(axis=0)
+    (other_left, other_top), (other_right, other_bottom) = (
+        other.contour.min(axis=0),
+        other.contour.max(axis=0),
+    )
+    apart = right < other_left or other_right < left
+    off = max(abs(top - other_top), abs(bottom - other_bottom))
+    alike = other.area < AREAS * one.area and one.area < AREAS * other.area
+    return bool(apart and alike and off < UNEVEN * (bottom - top))
 
 
 def _levels(gray: Gray) -> list[float]:

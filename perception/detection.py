@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from perception.blobs import stable_blobs
+from perception.blobs import join_halves, stable_blobs
 from perception.images import checked_image
 from perception.lens import Lens
-from perception.masks import brightness
+from perception.masks import brightness, lamp_mask, without_lamps
 from perception.matching import Sighting, ViewCatalog, match_views
 from perception.quads import Quad, fit_quad
+
+
+BLOOM = 3
+"""A lamp's light spreads over so many pixels beside it, which are no part of a pad."""
 
 
 def detect_quads(image: object, lens: Lens) -> list[Quad]:
@@ -36,8 +40,10 @@ def detect_quads(image: object, lens: Lens) -> list[Quad]:
     """
     picture = checked_image(image, channels=(1, 3), like=("what the lens images", lens.shape))
     gray = brightness(picture) if picture.ndim == 3 else picture
-    exact = gray.astype(np.float32)
-    quads = [fit_quad(exact, lens, blob.contour) for blob in stable_blobs(gray)]
+    lamps = lamp_mask(picture, gray)
+    exact = lens.light(without_lamps(gray, lamps, 0))
+    blobs = join_halves(stable_blobs(without_lamps(gray, lamps, BLOOM)))
+    quads = [fit_quad(exact, lens, blob.contour, lamps) for blob in blobs]
     found = [quad for quad in quads if quad is not None]
     return sorted(found, key=lambda quad: float(quad.corners[:, 1].mean()))
 

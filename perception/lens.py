@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, UInt8
 
 from perception.sampling import sampled
 
@@ -29,16 +30,31 @@ class Lens:
     Attributes:
         ray_map: section angle and lateral slope of the ray through every pixel's middle.
         project: from rays to where they are imaged, the inverse.
+        response: light that each code of 8 bits means, 0 to 255 and rising; ``None`` where the
+            camera is linear. Of a camera with gamma g it is 255 (code / 255)^g.
     """
 
     ray_map: Float[np.ndarray, "rows columns 2"]
     project: Callable[[Rays], Places]
+    response: Float[np.ndarray, "256"] | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns of the images it is for."""
         rows, columns, _ = self.ray_map.shape
         return rows, columns
+
+    def light(self, codes: UInt8[np.ndarray, "rows columns"]) -> Float[np.ndarray, "rows columns"]:
+        """Light on every pixel, float32, from its code."""
+        if self.response is None:
+            return codes.astype(np.float32)
+        return cv2.LUT(codes, self.response.astype(np.float32))
+
+    def codes(self, light: Float[np.ndarray, "*places"]) -> Float[np.ndarray, "*places"]:
+        """Codes of light, 0 to 255, not rounded; inverts `light`."""
+        if self.response is None:
+            return light
+        return np.interp(light, self.response, np.arange(256.0))
 
     def rays(self, places: Places) -> Rays:
         """The rays through places in the image, interpolated between pixels."""

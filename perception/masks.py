@@ -6,6 +6,16 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
+CLIPPED = 245
+"""Codes from here on may be those of any brighter light."""
+
+BROADEST = 60 / 1080
+"""Lamps in view are less broad than this share of the image's height, and longer than broad."""
+
+RIM, STEEP, STEEPER = 4, 30.0, 2.5
+"""Within so many pixels (of 1080 rows) from a lamp the mean channel falls by more than that, and so
+many times as much as from there to twice as far: light of a lamp on a pad falls gradually."""
+
 Image = UInt8[np.ndarray, "rows columns 3"]
 Gray = UInt8[np.ndarray, "rows columns"]
 Mask = UInt8[np.ndarray, "rows columns"]
@@ -19,6 +29,66 @@ def brightness(image: Image) -> Gray:
     """
     red, green, blue = cv2.split(image)
     return cv2.max(cv2.max(red, green), blue)
+
+
+def lamp_mask(image: Image | Gray, gray: Gray) -> Mask:
+    """Lamps in view: clipped strips along the section, which end steeply to both sides.
+
+    Args:
+        image: red, green and blue, or one channel; beside a lamp the pad may be clipped in the
+            lamp's own color, and then only the others show the step.
+        gray: its brightness.
+    """
+    rows = len(gray)
+    mask = np.zeros_like(gray)
+    clipped = global_mask(gray, CLIPPED - 1)
+    if not clipped.any():
+        return mask
+    broad = cv2.getStructuringElement(cv2.MORPH_RECT, (round(BROADEST * rows) | 1, 1))
+    strips = cv2.subtract(clipped, cv2.morphologyEx(clipped, cv2.MORPH_OPEN, broad))
+    count, labels, boxes, _ = cv2.connectedComponentsWithStats(strips)
+    rim = max(2, round(RIM * rows / 1080))
+    for one in range(1, count):
+        left, top, width, height, area = boxes[one].tolist()
+        if height < 4 * rim or height**2 < 2 * area:
+            continue
+        window = slice(top, top + height), slice(left, left + width)
+        here = labels[window] == one
+        first = left + here.argmax(axis=1)
+        last = left + width - 1 - here[:, ::-1].argmax(axis=1)
+        if all(
+            _ends_steeply(image, np.arange(top, top + height), end, step)
+            for end, step in ((first, -rim), (last, rim))
+        ):
+            mask[window][here] = 255
+    return mask
+
+
+def _ends_steeply(
+    image: Image | Gray, rows: np.ndarray, columns: np.ndarray, step: int
+) -> bool:
+    """Whether light falls steeply from places, some columns beside them, and then no more."""
+    beside = np.clip(columns + step * np.arange(3)[:, None], 0, image.shape[1] - 1)
+    levels = image[rows, beside].astype(float)
+    if levels.ndim == 3:
+        levels = levels.mean(axis=2)
+    first, second = np.median(levels[:-1] - levels[1:], axis=1)
+    return bool(first > STEEP and first > STEEPER * second)
+
+
+def without_lamps(gray: Gray, lamps: Mask, margin: int) -> Gray:
+    """An image whose lamps are as dark as the darkest of what is beside them.
+
+    Args:
+        gray: brightness.
+        lamps: where they are.
+        margin: pixels beside them that are taken, too.
+    """
+    if not lamps.any():
+        return gray
+    grown = cv2.dilate(lamps, np.ones((2 * margin + 1,) * 2, np.uint8))
+    broad = cv2.getStructuringElement(cv2.MORPH_RECT, (2 * round(BROADEST * len(gray)) | 1, 1))
+    return np.where(grown > 0, cv2.erode(gray, broad), gray)
 
 
 def global_mask(gray: Gray, threshold: float) -> Mask:

@@ -16,9 +16,11 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from perception.images import checked_brightness
+from perception.inner_lines import NONE, InnerLine, find_inner_lines
 from perception.lens import Lens, TangentPlane
+from perception.masks import Mask
 from perception.quality import Quality
-from perception.sides import FEET, REACH, SMALL, Edges, Line, Side, find_edges, fit_lines
+from perception.sides import FEET, LEAST_CONTRAST, REACH, SMALL, Edges, Line, Side, find_edges, fit_lines
 
 INNER, HEIGHTS = (0.15, 0.85), 12
 """Heights at which a contour's outermost points give its sides at first, and how many."""
@@ -36,11 +38,9 @@ FLAT = 1e-9
 RIGHT, UP = np.eye(2)
 """Directions in the tangent plane."""
 
-LEAST_CONTRAST = 5.0
-"""Of 255: a lower step is no edge that can be relied on."""
-
 WIDEST = 0.8 * 2 * REACH / FEET
-"""Of a side's edge, px: of a wider one not both feet lie within reach, with a fifth to spare."""
+"""Of a side's edge, px: of a wider one not both feet lie within reach, with a fifth to spare. Two
+sides are blurred where a view is; the edge of one may be a gradient of light."""
 
 CLEAR = 0.5
 """Other sides' edges are clear of at least this part of every side: a line through less of it would
@@ -65,6 +65,8 @@ class Quad:
         contrast: step of brightness across the side that has the least, of 255.
         scatter: standard deviation of edges about the side that fits worst, px.
         quality: complete, clipped, of low contrast or blurred.
+        inner: lines within its sides, from corner to corner in their order, where there are some:
+            a clear layer's polished walls show the pad again between them and the sides.
     """
 
     rays: Float[np.ndarray, "4 2"]
@@ -74,17 +76,22 @@ class Quad:
     contrast: float
     scatter: float
     quality: Quality
+    inner: tuple[InnerLine | None, ...] = NONE
 
 
 def fit_quad(
-    gray: Float[np.ndarray, "rows columns"], lens: Lens, contour: Int[np.ndarray, "_ 2"]
+    gray: Float[np.ndarray, "rows columns"],
+    lens: Lens,
+    contour: Int[np.ndarray, "_ 2"],
+    lamps: Mask | None = None,
 ) -> Quad | None:
     """The view whose blob has a given contour.
 
     Args:
-        gray: brightness, float32.
+        gray: light, float32, lamps in view being as dark as what is beside them.
         lens: of the camera.
         contour: outermost pixels of a blob, column and row.
+        lamps: where lamps are in view, if any are.
 
     Returns:
         The view; ``None`` where the contour has no four sides.
@@ -110,7 +117,7 @@ def fit_quad(
     corners = first_corners(plane.flat(rays))
     if corners is None:
         return None
-    found, places = _refined(gray, lens, plane, corners), None
+    found, places = _refined(gray, lens, plane, corners, lamps), None
     for _ in range(STEPS - 1):
         # A blotch, hardly there on any side, is not looked at more closely.
         if found is None or found.edges.contrast.max() < LEAST_CONTRAST:
@@ -118,7 +125,7 @@ def fit_quad(
         before, places = places, lens.project(plane.rays(found.corners))
         if before is not None and np.abs(places - before).max() < SETTLED:
             break
-        found = _refined(gray, lens, plane, found.corners)
+        found = _refined(gray, lens, plane, found.corners, lamps)
     if found is None:
         return None
     rays = plane.rays(found.corners)
@@ -131,13 +138,17 @@ def fit_quad(
         quality = Quality.CLIPPED
     elif contrast < LEAST_CONTRAST:
         quality = Quality.LOW_CONTRAST
-    elif found.edges.width.max() > WIDEST or found.edges.clear.min() < CLEAR:
+    elif np.sort(found.edges.width)[-2] > WIDEST or found.edges.clear.min() < CLEAR:
         quality = Quality.BLURRED
     elif not np.isfinite(scatter):
         quality = Quality.LOW_CONTRAST
     covariance = _covariances(lens, plane, found)
     area = float(cv2.contourArea(contour))
-    return Quad(rays, lens.project(rays), covariance, area, contrast, scatter, quality)
+    inner = NONE
+    if quality is Quality.COMPLETE:
+        sides = [Side(found.corners[i], found.corners[(i + 1) % 4]) for i in range(4)]
+        inner = find_inner_lines(gray, lens, plane, sides)
+    return Quad(rays, lens.project(rays), covariance, area, contrast, scatter, quality, inner)
 
 
 def first_corners(flat: Float[np.ndarray, "_ 2"]) -> Float[np.ndarray, "4 2"] | None:
@@ -212,10 +223,11 @@ def _refined(
     lens: Lens,
     plane: TangentPlane,
     corners: Float[np.ndarray, "4 2"],
+    lamps: Mask | None,
 ) -> _Outline | None:
     """One round of finding edges and fitting lines; ``None`` where these do not meet."""
     sides = [Side(corners[i], corners[(i + 1) % 4]) for i in range(4)]
-    edges = find_edges(gray, lens, plane, sides)
+    edges = find_edges(gray, lens, plane, sides, lamps)
     lines = fit_lines(edges)
     moved = _meeting(sides, lines)
     return None if moved is None else _Outline(sides, edges, lines, moved)

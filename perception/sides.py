@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from perception.lens import Lens, TangentPlane
+from perception.masks import Mask
 from perception.sampling import sampled
 
 POINTS = 48
@@ -48,8 +49,27 @@ DEEP, SEAM = 0.9, 10.0
 """Where brightness falls by a smaller part than `DEEP` to the dark, an edge is doubted by so many
 pixels per missing part: what falls halfway only may be as far off as a seam is wide."""
 
+WIDER, GRADUAL = 1.5, 0.75
+"""An edge more than so many times as wide as those of most sides is doubted by this part of the
+rest of its width."""
+
+BESIDE, LIT, BLOOM = 3, 0.2, 2.0
+"""Where a lamp is within so many pixels of more than a part of a side's edges, these are where
+brightness rises to the lamp's; where it is clipped they are doubted by so many pixels."""
+
+VALLEY, RISE, CLIPPED = 0.9, 0.1, 255.0
+"""A gap between a pad and a lamp is darker than this share of the pad. A lamp begins where light has
+risen by this share of the way to where it is clipped."""
+
+ENDS, SCATTERED = 6, 4.0
+"""Over this part of a side at each end its edges lie on its line, but for so many standard
+deviations of their mean."""
+
 SMALL = 1e-4
 """Step of differences in the tangent plane."""
+
+LEAST_CONTRAST = 5.0
+"""Of 255: a lower step is no edge that can be relied on."""
 
 UNKNOWN = 1.0
 """Variance of a side that was not found, in the tangent plane: it may be anywhere."""
@@ -82,12 +102,14 @@ class Edges:
         offsets: outward from the side, tangent plane.
         scale: px per unit of the tangent plane across the side.
         found: where an edge was found at all.
-        contrast: step of brightness, the median over the places.
+        contrast: step of brightness in codes, the median over the places where an edge was found, or over
+            all of a side that has none.
         width: of the edge, from three quarters of its step to one quarter, px, the median over the
             places.
         clear: part of the side that the other sides' edges do not reach.
         doubt: standard deviation of all of a side's edge together, px: next to another view the
-            brightness does not fall to the dark, and its half is no edge.
+            brightness does not fall to the dark, and its half is no edge; next to a lamp in view it
+            rises, and is clipped.
     """
 
     shares: Float[np.ndarray, " points"]
@@ -127,9 +149,21 @@ class Line:
 
 
 def find_edges(
-    gray: Float[np.ndarray, "rows columns"], lens: Lens, plane: TangentPlane, sides: list[Side]
+    gray: Float[np.ndarray, "rows columns"],
+    lens: Lens,
+    plane: TangentPlane,
+    sides: list[Side],
+    lamps: Mask | None = None,
 ) -> Edges:
-    """The edges of all sides: where brightness first falls below half of its step outward."""
+    """The edges of all sides: where light first falls below half of its step outward.
+
+    Args:
+        gray: light, float32, lamps in view being as dark as what is beside them.
+        lens: of the camera.
+        plane: in which the sides are straight.
+        sides: where they are expected.
+        lamps: where lamps are in view, if any are.
+    """
     shares = np.linspace(TRIMMED, 1 - TRIMMED, POINTS)
     flat = np.concatenate([side.places(shares) for side in sides])
     outward = np.repeat([side.outward for side in sides], POINTS, axis=0)
@@ -138,12 +172,20 @@ def find_edges(
     scale = np.maximum(np.hypot(*(beside - at).T) / SMALL, 1e-9)
     normal = (beside - at) / (SMALL * scale[:, None])
     reach = np.linspace(-REACH, REACH, SAMPLES)
-    profile = sampled(gray, at[:, None] + reach[:, None] * normal[:, None])
+    places = at[:, None] + reach[:, None] * normal[:, None]
+    profile = sampled(gray, places)
     profile = cv2.blur(profile, (3, 1), borderType=cv2.BORDER_REPLICATE)
     # A narrow view may end again within reach: the brightest quarter is surely inside.
-    inside = np.quantile(profile[:, : SAMPLES // 2 + 1], BRIGHTER, axis=1)
+    inner, near = profile[:, : SAMPLES // 2 + 1], None
+    if lamps is not None and lamps.any():
+        square = np.ones((2 * BESIDE + 1,) * 2, np.uint8)
+        near = sampled(cv2.dilate(lamps, square), places) > 0
+        inner = np.where(near[:, : SAMPLES // 2 + 1], 0.0, inner)
+    inside = np.quantile(inner, BRIGHTER, axis=1)
     outside = profile[:, SAMPLES // 2 :].min(axis=1)
-    start = SAMPLES // 2 - np.argmax(profile[:, SAMPLES // 2 :: -1] >= inside[:, None], axis=1)
+    start = SAMPLES // 2 - np.argmax(inner[:, ::-1] >= inside[:, None], axis=1)
+    if near is not None:
+        outside, profile = _before_lamps(profile, near, start, inside, outside)
     contrast = inside - outside
     crossings = [_falling(profile, start, inside - part * contrast) for part in (0.25, 0.5, 0.75)]
     begins, middle, ends = (reach[0] + (reach[1] - reach[0]) * place for place, _ in crossings)
@@ -155,20 +197,59 @@ def find_edges(
     inward = flat - (thick / scale)[:, None] * outward
     beyond = np.stack([(inward - side.start) @ side.outward for side in sides])
     clear = (beyond < 0).all(axis=0)
-    there = (found & clear).reshape(shape)
+    # Noise and steps of rounding are of much the same size in codes, bright or dark.
+    step = lens.codes(inside) - lens.codes(outside)
+    there = (found & clear & (step >= LEAST_CONTRAST)).reshape(shape)
     dark = float(np.median(outside.reshape(shape), axis=1).min())
     depth = contrast / np.maximum(inside - dark, 1.0)
     deep = _median(depth.reshape(shape), there)
+    doubt = SEAM * np.maximum(DEEP - deep, 0.0)
+    # Blur is much the same on all sides: a wider edge is a gradient of light, its half no edge.
+    doubt = np.hypot(doubt, GRADUAL * np.maximum(width - WIDER * np.median(width), 0.0))
+    if near is not None:
+        sample = np.clip(np.rint((middle - reach[0]) / (reach[1] - reach[0])), 0, SAMPLES - 1)
+        lit = near[np.arange(len(flat)), sample.astype(int)].reshape(shape) & there
+        lit_share = lit.sum(axis=1) / np.maximum(there.sum(axis=1), 1)
+        doubt = np.where(lit_share > LIT, BLOOM, doubt)
     return Edges(
         shares=shares,
         offsets=(middle / scale).reshape(shape),
         scale=scale.reshape(shape),
         found=there,
-        contrast=_median(contrast.reshape(shape), there),
+        contrast=np.where(
+            there.any(axis=1),
+            _median(step.reshape(shape), there),
+            np.median(step.reshape(shape), axis=1),
+        ),
         width=width,
         clear=clear.reshape(shape).mean(axis=1),
-        doubt=SEAM * np.maximum(DEEP - deep, 0.0),
+        doubt=doubt,
     )
+
+
+def _before_lamps(
+    profile: Float[np.ndarray, "places samples"],
+    near: Bool[np.ndarray, "places samples"],
+    start: Int[np.ndarray, " places"],
+    inside: Float[np.ndarray, " places"],
+    outside: Float[np.ndarray, " places"],
+) -> tuple[Float[np.ndarray, " places"], Float[np.ndarray, "places samples"]]:
+    """How dark it becomes outside, and profiles without what is beyond the first light of a lamp.
+
+    A narrow gap between a pad and a lamp does not become dark: half of the way down to its floor is
+    its edge. Where there is no gap, brightness rises at the pad's edge.
+    """
+    counts = np.arange(profile.shape[1])
+    apart = round(BESIDE * (profile.shape[1] - 1) / (2 * REACH))
+    lamp = np.where(near.any(axis=1), np.argmax(near, axis=1) + apart, 0)[:, None]
+    between = (counts >= start[:, None]) & (counts <= lamp)
+    floor = np.where(between, profile, np.inf).min(axis=1)
+    gap = floor < VALLEY * inside
+    risen = profile > (inside + RISE * (CLIPPED - inside))[:, None]
+    ends = (counts > start[:, None]) & ((risen & ~gap[:, None]) | (counts >= lamp))
+    beyond = np.maximum.accumulate(ends & near.any(axis=1)[:, None], axis=1)
+    outside = np.where(gap, np.maximum(outside, floor), outside)
+    return outside, np.where(beyond, outside[:, None], profile)
 
 
 def _falling(
@@ -201,6 +282,7 @@ def fit_lines(edges: Edges) -> list[Line]:
         left = offsets - (design @ solution)[..., 0]
         solution, normal, weights = _weighted(design, offsets, left, found)
     left = offsets - (design @ solution)[..., 0]
+    bend = _bends(left, found)
     variance = np.sum(weights * left**2, axis=1) / np.maximum(np.sum(weights, axis=1) - 2, 1)
     furthest = TUKEY * _deviation(left, found)
     near = np.where(found, np.clip(left, -furthest, furthest), 0.0)
@@ -209,7 +291,12 @@ def fit_lines(edges: Edges) -> list[Line]:
     alike = np.sum(near[:, 1:] * near[:, :-1], axis=1) / pairs / np.maximum(mean_square, 1e-12)
     alike = np.clip(alike, 0.0, 0.9)
     covariance = (variance * (1 + alike) / (1 - alike))[:, None, None] * np.linalg.inv(normal)
-    covariance[:, 0, 0] += (edges.doubt / np.mean(edges.scale, axis=1)) ** 2
+    scale = np.mean(edges.scale, axis=1)
+    covariance[:, 0, 0] += (edges.doubt / scale) ** 2
+    # What moves one end only, and turns the side.
+    first, last = (bend / scale[:, None]).T ** 2
+    covariance += first[:, None, None] * np.array([[1, -1], [-1, 1]])
+    covariance[:, 1, 1] += last
     unknown = Line(0.0, 0.0, np.diag([UNKNOWN, 0.0]), np.inf)
     return [
         Line(float(line[0, 0]), float(line[1, 0]), covariance[i], float(np.sqrt(variance[i])))
@@ -217,6 +304,24 @@ def fit_lines(edges: Edges) -> list[Line]:
         else unknown
         for i, line in enumerate(solution)
     ]
+
+
+def _bends(
+    left: Float[np.ndarray, "sides places"], found: Bool[np.ndarray, "sides places"]
+) -> Float[np.ndarray, "sides 2"]:
+    """By how much the edges near each end of a side lie off its line, all to one side, px.
+
+    A contact that bulges the gel near a corner moves them: the line does not follow, but whether it
+    or they are the pad's side the edges do not show. What scatter alone does is taken off.
+    """
+    part = left.shape[1] // ENDS
+    off = []
+    for one in (slice(0, part), slice(left.shape[1] - part, None)):
+        there = found[:, one]
+        middle = _median(left[:, one], there)
+        scatter = _deviation(left, found)[:, 0] / np.sqrt(np.maximum(there.sum(axis=1), 1))
+        off.append(np.maximum(np.abs(middle) - SCATTERED * scatter, 0.0))
+    return np.stack(off, axis=-1)
 
 
 def _weighted(

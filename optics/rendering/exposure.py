@@ -1,4 +1,4 @@
-"""From light on the sensor to a stored picture: blur, exposure, noise, compression."""
+"""From light on the sensor to a stored picture: blur, flare, exposure, noise, response, JPEG."""
 
 from __future__ import annotations
 
@@ -7,6 +7,12 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from optics.rendering.effects import Effects
+
+COARSE, VEIL = 16, 150.0
+"""Flare is found on pixels so many times as large; standard deviation of the veil, px."""
+
+GHOST = 0.25
+"""Part of the flare that is a ghost: the image turned about its middle, as lenses mirror it."""
 
 READ_NOISE = 0.2
 """Noise without light, over that at full scale."""
@@ -22,19 +28,25 @@ def exposed(
 
     Args:
         light: part of full scale at gain 1; red, green, blue; it may be overwritten.
-        effects: of which ``blur``, ``gain``, ``noise`` and ``jpeg`` matter here.
+        effects: of which ``blur``, ``flare``, ``gain``, ``noise``, ``gamma`` and ``jpeg`` matter
+            here.
         generator: of the noise.
     """
     light = np.asarray(light, np.float32)
     if effects.blur:
         light = cv2.GaussianBlur(light, (0, 0), effects.blur)
+    if effects.flare:
+        light = _with_flare(light, effects.flare)
     if effects.gain != 1:
         light *= np.float32(effects.gain)
     if effects.noise:
         spread = cv2.sqrt(np.maximum(light + np.float32(READ_NOISE**2), 0))
         noise = generator.standard_normal(light.shape, np.float32)
         light = cv2.scaleAdd(cv2.multiply(noise, spread), effects.noise, light)
-    pixels = cv2.convertScaleAbs(np.maximum(light, 0), alpha=255)
+    light = np.maximum(light, 0)
+    if effects.gamma != 1:
+        light = cv2.pow(light, 1 / effects.gamma)
+    pixels = cv2.convertScaleAbs(light, alpha=255)
     if effects.jpeg:
         quality = [cv2.IMWRITE_JPEG_QUALITY, round(100 - effects.jpeg)]
         stored = cv2.imencode(".jpg", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), quality)[1]
@@ -42,3 +54,17 @@ def exposed(
         assert restored is not None  # it has just been encoded
         pixels = cv2.cvtColor(restored, cv2.COLOR_BGR2RGB)
     return pixels
+
+
+def _with_flare(
+    light: Float[np.ndarray, "rows columns 3"], flare: float
+) -> Float[np.ndarray, "rows columns 3"]:
+    """Light of which a part is scattered: most of it broadly, some to the opposite place."""
+    rows, columns = light.shape[:2]
+    size = (max(columns // COARSE, 1), max(rows // COARSE, 1))
+    coarse = cv2.resize(light, size, interpolation=cv2.INTER_AREA)
+    coarse = cv2.GaussianBlur(coarse, (0, 0), VEIL / COARSE, borderType=cv2.BORDER_CONSTANT)
+    veil = cv2.resize(coarse, (columns, rows), interpolation=cv2.INTER_LINEAR)
+    ghost = cv2.flip(light, -1)
+    scattered = cv2.addWeighted(veil, 1 - GHOST, ghost, GHOST, 0)
+    return cv2.addWeighted(light, 1 - flare, scattered, flare, 0)

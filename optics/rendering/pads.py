@@ -16,7 +16,8 @@ STEP = 0.1
 """From one sample of a pad to the next, mm."""
 
 MARGIN = 2.0
-"""How far the samples go on beyond the pad's edges, mm: as far as rough edges reach."""
+"""How far the samples go on beyond the pad's edges, mm, as far as rough edges reach; lamps in view
+are beside it."""
 
 CORRELATION = 1.0
 """Length over which a rough edge wanders, mm."""
@@ -27,13 +28,22 @@ BRIGHT = 0.7
 GREEN = 0.35
 """What the green channel gets of the side lights, red and blue, and of light along the pad."""
 
-ELEVATION = np.deg2rad(25.0)
-"""Of the lights above the plane of the pad."""
+FAR, ELEVATION = 1000.0, np.deg2rad(25.0)
+"""Distance of lights that are no line lamps, mm, and their elevation above the plane of the pad."""
+
+GAP = 1.5
+"""Lamps in view are beside a pad's edge, or at most so many mm from it."""
+
+ROUNDING = 1e-9
+"""What is higher by less, seen from a lamp, is not hidden."""
+
+LAMP, BESIDE = 4.0, 0.25
+"""Light of a lamp in view, part of full scale at gain 1; part of it that its other colours have."""
 
 
 @dataclass(frozen=True)
 class PadAppearance:
-    """A pad, sampled every `STEP` from `MARGIN` before its edges to `MARGIN` behind them.
+    """A pad, sampled every `STEP` from a margin before its edges to the same behind them.
 
     Rows go along the pad, columns across the section.
 
@@ -42,12 +52,16 @@ class PadAppearance:
         inside: distance inside the outline, mm; negative outside.
         length: of the pad, mm.
         width: of the pad, mm.
+        margin: mm.
+        lamps: red, green and blue light of the lamps in view beside it; ``None`` if none are.
     """
 
     light: Float[np.ndarray, "rows columns 3"]
     inside: Float[np.ndarray, "rows columns"]
     length: float
     width: float
+    margin: float = MARGIN
+    lamps: Float[np.ndarray, "rows columns 3"] | None = None
 
     def sample(
         self, along: Float[np.ndarray, "_ _"], across: Float[np.ndarray, "_ _"]
@@ -58,8 +72,7 @@ class PadAppearance:
             along: mm from the pad's first end.
             across: mm from the pad's middle across the section.
         """
-        columns = ((across + self.width / 2 + MARGIN) / STEP - 0.5).astype(np.float32)
-        rows = ((along + MARGIN) / STEP - 0.5).astype(np.float32)
+        columns, rows = self._samples(along, across)
 
         def at(samples: np.ndarray) -> np.ndarray:
             return cv2.remap(
@@ -67,6 +80,20 @@ class PadAppearance:
             )
 
         return at(self.light), at(self.inside)
+
+    def sample_lamps(
+        self, along: Float[np.ndarray, "_ _"], across: Float[np.ndarray, "_ _"]
+    ) -> Float[np.ndarray, "_ _ 3"]:
+        """Light of the lamps in view, as `sample` takes it; only where there are some."""
+        assert self.lamps is not None
+        return cv2.remap(self.lamps, *self._samples(along, across), cv2.INTER_LINEAR)
+
+    def _samples(
+        self, along: Float[np.ndarray, "_ _"], across: Float[np.ndarray, "_ _"]
+    ) -> tuple[Float[np.ndarray, "_ _"], Float[np.ndarray, "_ _"]]:
+        """Columns and rows of places among the samples."""
+        columns = ((across + self.width / 2 + self.margin) / STEP - 0.5).astype(np.float32)
+        return columns, ((along + self.margin) / STEP - 0.5).astype(np.float32)
 
 
 def make_pad_appearance(
@@ -82,22 +109,25 @@ def make_pad_appearance(
 
     A red light shines from the side of greater columns, a blue one from the other, a weak green one
     along the pad from its first end. Where the gel is pressed in, a light's share is that of a
-    matt surface (Lambert's cosine law) with the slope of the height map.
+    matt surface (Lambert's cosine law) with the slope of the height map. Lamps are as long as the
+    side that they are beside, as far beyond it as they are above the pad's plane, and matt.
 
     Args:
         length: along the pad, mm.
         width: across the section, mm.
-        effects: of which ``led_falloff``, ``rounding`` and ``roughness`` matter here.
+        effects: of which ``led_falloff``, ``lamps``, ``shadows``, ``strips``, ``rounding`` and
+            ``roughness`` matter here.
         imprints: what is pressed in; the deepest counts.
         brightness: of the lights.
-        seed: of the rough edges.
+        seed: of the rough edges, and of how far the lamps in view are beside them.
 
     Example:
         >>> make_pad_appearance(20.0, 15.0, Effects()).light.shape[-1]  # red, green and blue
         3
     """
-    along = _samples(length)[:, None]
-    across = _samples(width)[None, :] - width / 2
+    margin = margin_beside(effects)
+    along = _samples(length, margin)[:, None]
+    across = _samples(width, margin)[None, :] - width / 2
     along, across = (np.ascontiguousarray(a) for a in np.broadcast_arrays(along, across))
     lost = effects.led_falloff * np.clip(0.5 + across / width, 0, 1)
     lights = (
@@ -105,29 +135,136 @@ def make_pad_appearance(
         * brightness
         * np.stack([1 - effects.led_falloff + lost, np.full_like(lost, GREEN), 1 - lost], axis=-1)
     )
+    distance, height = FAR, FAR * np.tan(ELEVATION)
+    if effects.lamps:
+        distance = height = lamp_distance(effects.lamps, width)
+    # From each lamp, in the plane of the pad: red, green, blue.
+    away = [width / 2 - across + distance, along + distance, width / 2 + across + distance]
+    if effects.lamps:
+        beside = [along, across + width / 2, along]
+        sizes = [length, width, length]
+        lights *= np.stack(
+            [_irradiance(*one, height) for one in zip(away, beside, sizes, strict=True)], axis=-1
+        )
     if imprints:
         depth = np.max([make_height_map(one, along, across, STEP) for one in imprints], axis=0)
-        lights *= _shading(depth)
+        lights *= _shading(depth, away, height)
+        if effects.shadows:
+            lights *= 1 - effects.shadows * _shadows(depth, away, height)
     return PadAppearance(
         lights.astype(np.float32),
         _inside(along, across, length, width, effects, seed).astype(np.float32),
         length,
         width,
+        margin,
+        _lamps_in_view(along, across, length, width, effects.strips, seed)
+        if effects.strips
+        else None,
     )
 
 
-def _samples(length: float) -> Float[np.ndarray, " samples"]:
-    return np.arange(round((length + 2 * MARGIN) / STEP)) * STEP + STEP / 2 - MARGIN
+def margin_beside(effects: Effects) -> float:
+    """How far beyond a pad's edges something of it is seen, mm."""
+    return max(MARGIN, GAP + effects.strips + STEP) if effects.strips else MARGIN
 
 
-def _shading(depth: Float[np.ndarray, "rows columns"]) -> Float[np.ndarray, "rows columns 3"]:
+def lamp_distance(excess: float, width: float) -> float:
+    """Of a long line lamp beyond a pad's edge, and above its plane, mm.
+
+    Its light on the plane falls with the square of the distance r from it: with a beyond and a
+    above, r² is 2 a² at the edge and (a + w/2)² + a² in the middle, ``1 + excess`` times as much.
+
+    Args:
+        excess: by how many times its middle's light the edge is brighter than the middle.
+        width: w, of the pad, mm.
+
+    Example:
+        >>> round(lamp_distance(9.0, 24.0), 2)
+        3.57
+    """
+    return width * (1 + np.sqrt(1 + 2 * excess)) / (4 * excess)
+
+
+def _irradiance(
+    away: Float[np.ndarray, "rows columns"],
+    beside: Float[np.ndarray, "rows columns"],
+    size: float,
+    height: float,
+) -> Float[np.ndarray, "rows columns"]:
+    """Light of a line lamp on the pad's plane, over that at the middle of its edge.
+
+    Each point of the lamp sends h / r³ there; over the lamp's length s this is h / ρ² times the
+    difference of s / r, ρ being the distance from the lamp's line.
+
+    Args:
+        away: distance from the lamp across it, in the plane, mm.
+        beside: way along the lamp from its first end, mm.
+        size: length of the lamp, mm.
+        height: of the lamp above the plane, mm.
+    """
+
+    def sent(across: np.ndarray, along: np.ndarray) -> np.ndarray:
+        squared = across**2 + height**2
+        parts = [s / np.sqrt(squared + s**2) for s in (along, along - size)]
+        return (parts[0] - parts[1]) / squared
+
+    edge = sent(np.asarray(height), np.asarray(size / 2))
+    return sent(np.maximum(away, height), beside) / edge
+
+
+def _samples(length: float, margin: float) -> Float[np.ndarray, " samples"]:
+    return np.arange(round((length + 2 * margin) / STEP)) * STEP + STEP / 2 - margin
+
+
+def _shading(
+    depth: Float[np.ndarray, "rows columns"], away: Sequence[np.ndarray], height: float
+) -> Float[np.ndarray, "rows columns 3"]:
     """Light that each side light sends into a pressed surface, over that of a flat one."""
     slope_along, slope_across = np.gradient(depth, STEP)
     norm = np.sqrt(1 + slope_along**2 + slope_across**2)
     # The surface is seen from inside: pressed in, it comes towards camera and lights.
-    lean, rise = np.cos(ELEVATION), np.sin(ELEVATION)
     towards = [-slope_across, slope_along, slope_across]  # red, green, blue
-    return np.stack([np.maximum(lean * s + rise, 0) / (rise * norm) for s in towards], axis=-1)
+    return np.stack(
+        [np.maximum(s * a / height + 1, 0) / norm for s, a in zip(towards, away, strict=True)],
+        axis=-1,
+    )
+
+
+def _shadows(
+    depth: Float[np.ndarray, "rows columns"], away: Sequence[np.ndarray], height: float
+) -> Float[np.ndarray, "rows columns 3"]:
+    """1 where a nearer place hides a lamp, across it, else 0.
+
+    Seen from the lamp, what is farther on is seen at a higher and higher place, or is hidden.
+    """
+    red, green, blue = (np.clip((height - depth) / one, 0, None) for one in away)
+    lowest = [
+        np.minimum.accumulate(red[:, ::-1], axis=1)[:, ::-1],
+        np.minimum.accumulate(green, axis=0),
+        np.minimum.accumulate(blue, axis=1),
+    ]
+    return np.stack([red, green, blue], axis=-1) > np.stack(lowest, axis=-1) + ROUNDING
+
+
+def _lamps_in_view(
+    along: Float[np.ndarray, "rows columns"],
+    across: Float[np.ndarray, "rows columns"],
+    length: float,
+    width: float,
+    strips: float,
+    seed: Sequence[int],
+) -> Float[np.ndarray, "rows columns 3"]:
+    """Light of the red and the blue lamp beside the pad, soft by a sample at their edges."""
+    gaps = np.random.default_rng([*seed, 1]).uniform(0, GAP, 2)
+    light = np.zeros((*along.shape, 3), np.float32)
+    from_end = np.minimum(along, length - along)
+    for gap, side, color in zip(gaps, (1, -1), (0, 2), strict=True):
+        beyond = side * across - width / 2 - gap
+        inside = np.minimum(np.minimum(beyond, strips - beyond), from_end)
+        share = np.clip(0.5 + inside / STEP, 0, 1)
+        light += share[..., None] * (BESIDE * LAMP)
+        light[..., color] += share * ((1 - BESIDE) * LAMP)
+    return light
 
 
 def _inside(

@@ -15,10 +15,10 @@ from jaxtyping import Array, Bool, Float, UInt8
 
 from designopt.errors import UserError
 from optics.rendering.angles import checked_angles
-from optics.rendering.effects import Effects
+from optics.rendering.effects import FOCUS, Effects
 from optics.rendering.exposure import exposed
 from optics.rendering.imprints import Imprint
-from optics.rendering.pads import PadAppearance, make_pad_appearance
+from optics.rendering.pads import BRIGHT, PadAppearance, make_pad_appearance, margin_beside
 from optics.scene.camera import Orthographic, Pinhole
 from optics.scene.fabrication import Fabrication, perturb
 from optics.scene.imaging import Imaging
@@ -40,6 +40,9 @@ GRAZING = np.deg2rad(0.05)
 
 BLOTCHES = (6, 8)
 """Rows and columns of random brightness that the finger's inside is made of."""
+
+SHARPEST = 0.3
+"""Radius of a disc of defocus below which it is none, px."""
 
 
 @dataclass(frozen=True)
@@ -162,6 +165,7 @@ class Renderer:
             )
         self._errors = Fabrication.none(scene.layout) if errors is None else errors
         self._effects, self._width, self._seed = effects, width, seed
+        self._beside = margin_beside(effects) if effects.strips else 0.0
         self._lateral = np.float32(self._errors.lateral.item())
         made = perturb(scene, self._errors, carried=carried)
         pixels = made.camera.pixels if rows is None else jnp.full_like(made.camera.pixels, rows)
@@ -213,6 +217,7 @@ class Renderer:
                 self.imaging,
                 jnp.asarray(pose),
                 jnp.asarray(self._width),
+                jnp.asarray(self._width + 2 * self._beside),
                 self._errors.lateral,
                 jnp.asarray(2 * float(np.abs(self._angle).max())),
             ),
@@ -227,11 +232,16 @@ class Renderer:
                 if not parts.size:
                     continue
                 look = self._look(pad, tuple((imprints or {}).get(surface.name, ())))
-                window = self._window(geometry.around[path, pad], bool(geometry.behind[path, pad]))
-                shown, color = self._seen(geometry, path, pad, parts, window, look)
+                radius = self._defocus(geometry.ends[path, pad])
+                window = self._window(
+                    geometry.around[path, pad], bool(geometry.behind[path, pad]), radius
+                )
+                shown, color, lamps = self._seen(geometry, path, pad, parts, window, look)
                 if word and self._effects.mirror_loss:
-                    color *= (1 - self._effects.mirror_loss) ** len(word)
-                light[window] += shown[..., None] * (color - light[window])
+                    kept = (1 - self._effects.mirror_loss) ** len(word)
+                    color *= kept
+                    lamps = None if lamps is None else lamps * kept
+                _laid(light[window], shown, color, lamps, radius)
                 mine = shown > 0.5
                 if not mine.any():
                     continue
@@ -262,8 +272,9 @@ class Renderer:
         parts: np.ndarray,
         window: tuple[slice, slice],
         look: PadAppearance,
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """How much of each pixel a view fills, and the light of the pad there."""
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """How much of each pixel a view fills, the light of the pad there, and of lamps beside it.
+        """
         angle, slope = self._angle[window], self._slope[window]
         forward, up = np.cos(angle), np.sin(angle)
         # notation: the ray L (forward, up) meets first + part · step.
@@ -290,9 +301,21 @@ class Renderer:
             if pieces.end_label[pad, part] != SECOND_PAD_END:
                 here *= np.clip(0.5 - outward * _turn(angle - limits[1]) / per_pixel, 0, 1)
             part_shown = np.maximum(part_shown, here)
+        lamps = None
+        if look.lamps is not None:
+            lamps = look.sample_lamps(along, beside) * part_shown[..., None]
+            lamps[distance <= 0] = 0
         if self._vignette is not None:
             color *= self._vignette[window][..., None]
-        return shown * part_shown, color
+        return shown * part_shown, color, lamps
+
+    def _defocus(self, ends: Float[np.ndarray, "2 2"]) -> float:
+        """Radius of the disc over which a view is spread, that of its middle, px; 0 if sharp."""
+        if not self._effects.defocus:
+            return 0.0
+        distance = max(float(np.hypot(*ends.mean(axis=0))), 1.0)
+        radius = self._effects.defocus * abs(1 / distance - 1 / FOCUS)
+        return radius if radius > SHARPEST else 0.0
 
     def _look(self, pad: int, imprints: tuple[Imprint, ...]) -> PadAppearance:
         if (pad, imprints) not in self._looks:
@@ -317,25 +340,33 @@ class Renderer:
         return 1 - np.float32(self._effects.vignetting) * (1 - np.maximum(forward, 0))
 
     def _finger_inside(self) -> Float[np.ndarray, "rows columns 3"]:
-        """What the finger's inside and leaks send: nothing, or light with broad blotches."""
+        """What the finger's inside sends: nothing, leaks' light or the lamps', with broad blotches."""
         shape = self._angle.shape
-        if not self._effects.ambient:
-            return np.zeros((*shape, 3), np.float32)
+        inside = np.zeros((*shape, 3), np.float32)
+        if not self._effects.ambient and not self._effects.walls:
+            return inside
         generator = np.random.default_rng([self._seed, 3])
         blotches = generator.uniform(0.5, 1.0, (*BLOTCHES, 3)).astype(np.float32)
-        broad = cv2.resize(blotches, shape[::-1], interpolation=cv2.INTER_LINEAR)
-        inside = np.float32(self._effects.ambient) * broad
+        if self._effects.ambient:
+            broad = cv2.resize(blotches, shape[::-1], interpolation=cv2.INTER_LINEAR)
+            inside += np.float32(self._effects.ambient) * broad
+        if self._effects.walls:
+            gray = generator.uniform(0.5, 1.0, BLOTCHES).astype(np.float32)
+            broad = cv2.resize(gray, shape[::-1], interpolation=cv2.INTER_LINEAR)
+            inside += np.float32(BRIGHT * self._effects.walls) * broad[..., None]
         if self._lit is not None:
             inside = inside * self._lit[..., None]
         return inside if self._vignette is None else inside * self._vignette[..., None]
 
-    def _window(self, around: Float[np.ndarray, "places 2"], behind: bool) -> tuple[slice, slice]:
+    def _window(
+        self, around: Float[np.ndarray, "places 2"], behind: bool, radius: float
+    ) -> tuple[slice, slice]:
         """The part of the image that holds a view; all of it for one that passes the camera."""
         rows, columns = self._angle.shape
         if behind:
             return slice(0, rows), slice(0, columns)
-        low = np.floor(around.min(axis=0)) - BORDER
-        high = np.ceil(around.max(axis=0)) + BORDER + 1
+        low = np.floor(around.min(axis=0) - radius) - BORDER
+        high = np.ceil(around.max(axis=0) + radius) + BORDER + 1
         left, right = np.clip([low[0], high[0]], 0, columns).astype(int)
         top, bottom = np.clip([low[1], high[1]], 0, rows).astype(int)
         # A gradient needs two pixels each way.
@@ -349,6 +380,7 @@ def _geometry(
     imaging: Imaging,
     angles: Float[Array, " joints"],
     width: Float[Array, ""],
+    beside: Float[Array, ""],
     lateral: Float[Array, ""],
     field_of_view: Float[Array, ""],
 ) -> _Geometry:
@@ -356,7 +388,7 @@ def _geometry(
     wide = eqx.tree_at(lambda scene: scene.camera.field_of_view, scene, field_of_view)
     pieces = find_views(wide, angles).value
     outlines = find_outlines(scene, angles)
-    around, behind = _places(imaging, outlines, width, lateral)
+    around, behind = _places(imaging, outlines, beside, lateral)
     return _Geometry(
         pieces,
         wide.camera.angle(pieces.pixels),
@@ -383,6 +415,28 @@ def _places(
     pinhole = isinstance(imaging.camera.projection, Pinhole | Orthographic)
     behind = jnp.any(line[..., 0] <= 0, axis=-1) & pinhole
     return places.reshape(*ends.shape[:2], -1, 2), behind
+
+
+def _laid(
+    light: Float[np.ndarray, "rows columns 3"],
+    shown: Float[np.ndarray, "rows columns"],
+    color: Float[np.ndarray, "rows columns 3"],
+    lamps: Float[np.ndarray, "rows columns 3"] | None,
+    radius: float,
+) -> None:
+    """Lay a view over what is behind it, spread over a disc of defocus, and add its lamps."""
+    if radius:
+        reach = np.arange(-np.ceil(radius), np.ceil(radius) + 1)
+        disc = np.clip(radius + 0.5 - np.hypot(reach[:, None], reach), 0, 1)
+        disc /= disc.sum()
+        # Places that a view fills in part count for its colour by that part.
+        color = cv2.filter2D(shown[..., None] * color, -1, disc)
+        shown = cv2.filter2D(shown, -1, disc)
+        color /= np.maximum(shown, 1e-6)[..., None]
+        lamps = None if lamps is None else cv2.filter2D(lamps, -1, disc)
+    light += shown[..., None] * (color - light)
+    if lamps is not None:
+        light += lamps
 
 
 def _grazing(ends: Float[np.ndarray, "2 2"]) -> float:
