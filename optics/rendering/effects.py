@@ -65,9 +65,7 @@ class Effects:
         return cls.of(dict.fromkeys(SOFT, severity), gain)
 
     @classmethod
-    def of(
-        cls, severities: Mapping[str, float], gain: float = 1.0, gamma: float = 1.0
-    ) -> Effects:
+    def of(cls, severities: Mapping[str, float], gain: float = 1.0, gamma: float = 1.0) -> Effects:
         """Effects by name, each of its own severity, as in `graded`; others are off.
 
         Example:
