@@ -58,7 +58,7 @@ class Effects:
 
     @classmethod
     def graded(cls, severity: float, gain: float = 1.0) -> Effects:
-        """All effects of soft light, from none (severity 0) over a good finger (1) to a poor one (2).
+        """All effects of soft light: none (severity 0), a good finger (1), a poor one (2).
 
         What line lamps, grey walls and defocus add has severities of its own (`Effects.of`).
         """
@@ -107,7 +107,7 @@ SOFT = (
 
 
 def scaled(
-    effects: AnyEffects, factor: float, kept: frozenset[str] = frozenset({"gain"})
+    effects: AnyEffects, factor: float, kept: frozenset[str] = frozenset({"gain", "gamma"})
 ) -> AnyEffects:
     """All sizes times a factor, but for those that are kept."""
     sizes = {

@@ -5,7 +5,7 @@ since n sin θ stays (Snell), and a wall at right angles mirrors the place and o
 level is met in closed form. Rays enter by the outermost surface; what enters by an end face, seen
 from outside, is not shown. A clear wall reflects each ray once in each layer: totally, or the part
 that Fresnel's formulas give. Black, painted and bevelled walls are dark where they are met, and so
-are the ledges between layers.
+are the ledges between layers; of two walls that a ray is beyond, that at the pad's end counts.
 """
 
 from __future__ import annotations

@@ -119,7 +119,7 @@ class _Geometry(NamedTuple):
         limits: section angles of the pieces' ends, rad.
         corners: where corners are imaged.
         whole: whether one piece shows all of a pad, no flatter and no darker than a design counts;
-            ``None`` of bare pads and a pupil that stays, where the pieces say it.
+            ``None`` where no pad has layers.
         surfaces: ends of all surfaces as they are seen from outside, mm.
         eye: the camera.
         ahead: its axis in the section.
@@ -266,9 +266,7 @@ class Renderer:
                     continue
                 labels[window][mine] = len(views) + 1
                 if geometry.whole is None:
-                    both = pieces.start_label[pad, parts], pieces.end_label[pad, parts]
-                    whole = ((both[0] == FIRST_PAD_END) & (both[1] == SECOND_PAD_END)).any()
-                    whole = whole and _grazing(ends) >= self.scene.grazing[pad]
+                    whole = self._whole(geometry, pad, parts, axes[0])
                 else:
                     whole = geometry.whole[path, pad]
                 views.append(
@@ -352,6 +350,18 @@ class Renderer:
             for margin, channel in meeting.lamps:
                 lamps += (_filled(margin) * free)[..., None] * lamp_in_view(channel)
         return _filled(inside) * free, color, lamps
+
+    def _whole(
+        self, geometry: _Geometry, pad: int, parts: np.ndarray, turn: Float[np.ndarray, "3 3"]
+    ) -> bool:
+        """Whether one piece shows all of a bare pad, nowhere flatter than its design counts."""
+        pieces, (ahead, above, _) = geometry.pieces, geometry.bodies.along[pad] @ turn
+        rays = np.exp(1j * geometry.limits[pad, parts])
+        steep = np.abs(np.imag(np.conj(rays) * complex(ahead, above))).min(axis=1)
+        whole = (pieces.start_label[pad, parts] == FIRST_PAD_END) & (
+            pieces.end_label[pad, parts] == SECOND_PAD_END
+        )
+        return bool((whole & (steep >= np.sin(self.scene.grazing[pad]))).any())
 
     def _defocus(self, ends: Float[np.ndarray, "2 2"]) -> float:
         """Radius of the disc over which a view is spread, that of its middle, px; 0 if sharp."""
@@ -486,7 +496,7 @@ def _geometry(
     bare = replace(scene, layers=None, layout=replace(layout, layers=(), bezels=()))
     placed = place(bare, angles)
     whole = None
-    if scene.layers is not None or scene.rays_slide:
+    if scene.layers is not None:
         # With its own least grazing angles and transmissions.
         camera = outside.camera
         whole = _whole(
@@ -508,12 +518,13 @@ def _geometry(
 def _whole(pieces: Pieces, paths: int) -> Bool[Array, "paths pads"]:
     """Which views show all of a pad between its own ends, or those of its layers, in one piece."""
     own = is_own_end(pieces.start_label, 0) & is_own_end(pieces.end_label, 1)
-    of_path = pieces.present & (pieces.path == jnp.arange(paths)[:, None, None])
-    if pieces.face is None:
-        return jnp.any(of_path & own, axis=-1)
-    # A view through a clear end adjoins the one through the top: together they have no corners.
-    alone = ~jnp.any(of_path & (pieces.face > 0), axis=-1)
-    return alone & jnp.any(of_path & own, axis=-1)
+    by_end = jnp.zeros_like(own) if pieces.face is None else pieces.face > 0
+    found = []
+    for path in range(paths):
+        there = pieces.present & (pieces.path == path)
+        # A view through a clear end adjoins the one through the top: together they have no corners.
+        found.append(jnp.any(there & own, axis=-1) & ~jnp.any(there & by_end, axis=-1))
+    return jnp.stack(found)
 
 
 def _free(
@@ -561,13 +572,6 @@ def _laid(
     light += shown * (color - light)
     if lamps is not None:
         light += lamps
-
-
-def _grazing(ends: Float[np.ndarray, "2 2"]) -> float:
-    """The flattest angle at which a whole pad is seen, rad: at one of its ends."""
-    along = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
-    rays = ends / np.hypot(*ends.T)[:, None]
-    return float(np.arcsin(np.abs(rays[:, 0] * along[1] - rays[:, 1] * along[0])).min())
 
 
 def _filled(inside: Float[np.ndarray, "rows columns"]) -> Float[np.ndarray, "rows columns"]:

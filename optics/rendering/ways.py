@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -50,8 +51,8 @@ class Rays(NamedTuple):
         per_pixel = np.maximum(np.sqrt(np.sum(steps**2, axis=0)), TINY)
         pupil = None
         if imaging.camera.pupil_shift is not None:
-            theta = np.arccos(np.clip(ahead / np.sqrt(1 + slope**2), -1, 1))
-            pupil = np.asarray(imaging.camera.pupil_at(theta), np.float32)
+            theta = np.arccos(np.clip(ahead.astype(float) / np.sqrt(1 + slope**2), -1, 1))
+            pupil = np.asarray(imaging.camera.pupil_at(jnp.asarray(theta)), np.float32)
         return cls(ahead, above, np.ascontiguousarray(slope), pupil, per_pixel)
 
     def at(self, window: tuple[slice, slice]) -> Rays:

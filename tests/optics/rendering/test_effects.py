@@ -7,8 +7,11 @@ import pytest
 from optics.rendering import ChamberEffects, Effects, chamber_effects, effects
 
 KINDS = {Effects: effects, ChamberEffects: chamber_effects}
-KEPT = {"gain": 1.0, "falloff": 1.0}
+KEPT = {"gain": 1.0, "gamma": 1.0, "falloff": 1.0}
 """What is no fault of a picture, as it is by default."""
+
+SEPARATE = {"lamps", "shadows", "strips", "walls", "flare", "defocus"}
+"""What has severities of its own, as it is not in every light."""
 
 every_kind = pytest.mark.parametrize("kind", KINDS)
 
@@ -27,7 +30,8 @@ def test_grades_are_multiples_of_a_typical_finger(kind, severity):
     for name, size in graded.items():
         typical = getattr(KINDS[kind].TYPICAL, name)
         assert typical > 0
-        assert size == pytest.approx(typical if name in KEPT else severity * typical)
+        wanted = severity * typical * (name not in SEPARATE)
+        assert size == pytest.approx(typical if name in KEPT else wanted)
 
 
 @every_kind
@@ -35,6 +39,13 @@ def test_grades_are_multiples_of_a_typical_finger(kind, severity):
 def test_other_grades_are_refused(kind, severity):
     with pytest.raises(ValueError, match=r"severity.* give 0 \(perfect\) to 2 \(poor\)"):
         kind.graded(severity)
+
+
+def test_effects_have_severities_of_their_own():
+    chosen = Effects.of({"lamps": 2.0, "jpeg": 0.5}, gain=1.2, gamma=2.2)
+    assert chosen == Effects(gain=1.2, gamma=2.2, lamps=8.0, jpeg=4.0)
+    with pytest.raises(ValueError, match="severity is 3"):
+        Effects.of({"lamps": 3.0})
 
 
 def test_scaling_leaves_the_gain():

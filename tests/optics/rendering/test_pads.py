@@ -5,7 +5,17 @@ import numpy as np
 import pytest
 
 from optics.rendering import Effects, Imprint, make_height_map, make_pad_appearance
-from optics.rendering.pads import BRIGHT, CORRELATION, ELEVATION, GREEN, MARGIN, STEP
+from optics.rendering.pads import (
+    BRIGHT,
+    CORRELATION,
+    ELEVATION,
+    FAR,
+    GREEN,
+    MARGIN,
+    STEP,
+    ClearBody,
+    lamp_distance,
+)
 
 LENGTH, WIDTH = 15.0, 20.0
 
@@ -117,26 +127,25 @@ def test_an_imprint_changes_nothing_where_the_pad_is_flat():
 
 
 def test_a_slope_is_lit_by_the_cosine_law():
-    # Faces at 45° that look to greater columns, to smaller ones, and to the first end.
-    toward = np.array([np.cos(ELEVATION), np.sin(ELEVATION)])
-    faces = {"to the light": (1, 1), "away": (-1, 1), "along": (0, 1)}
-    shares = {
-        name: max(0.0, float(np.dot(toward, face))) / np.sqrt(2) / np.sin(ELEVATION)
-        for name, face in faces.items()
-    }
+    # Faces at 45° that look to greater columns, to smaller ones, and to the first end, under lights
+    # so far beyond the edges.
+    def share(toward: int, edge: float) -> float:
+        light = np.array([FAR + edge, FAR * np.tan(ELEVATION)])
+        return max(0.0, float(light @ [toward, 1])) / np.sqrt(2) / light[1]
+
     across = make_pad_appearance(
         LENGTH, WIDTH, Effects(), [Imprint("edge", 7.0, 0.0, 1.5, turn=np.pi / 2)]
     )
     at = np.array([[0.75, -0.75]], np.float32)
     light, _ = across.sample(np.full_like(at, 7.0), at)
-    red, blue, green = shares["to the light"], shares["away"], GREEN * shares["along"]
+    red, blue, green = share(1, WIDTH / 2 - 0.75), share(-1, WIDTH / 2), GREEN * share(0, 7.0)
     wanted = BRIGHT * np.array([[red, green, blue], [blue, green, red]])
     np.testing.assert_allclose(light[0], wanted, atol=1e-3)
     along = make_pad_appearance(LENGTH, WIDTH, Effects(), [Imprint("edge", 7.0, 0.0, 1.5)])
     light, _ = along.sample(7.0 - at, np.zeros_like(at))
-    sides = shares["along"]
+    sides = share(0, WIDTH / 2)
     wanted = BRIGHT * np.array(
-        [[sides, GREEN * shares["to the light"], sides], [sides, GREEN * shares["away"], sides]]
+        [[sides, GREEN * share(1, 6.25), sides], [sides, GREEN * share(-1, 7.75), sides]]
     )
     np.testing.assert_allclose(light[0], wanted, atol=1e-3)
 
@@ -154,3 +163,57 @@ def test_of_several_imprints_the_deepest_counts():
         here = cv2.erode(deeper.astype(np.uint8), near) > 0
         assert here.sum() > 500
         np.testing.assert_allclose(both[here], light[here], atol=ROUNDING)
+
+
+def test_line_lamps_beside_a_pad_make_its_edge_so_much_brighter():
+    # Irradiance of a lamp that is cut into points, by the cosine laws.
+    effects = Effects(lamps=6.0)
+    look = make_pad_appearance(LENGTH, WIDTH, effects)
+    off = lamp_distance(6.0, WIDTH)
+    points = (np.arange(2000) + 0.5) * LENGTH / 2000
+
+    def irradiance(along: float, across: float) -> float:
+        away = WIDTH / 2 + off - across
+        return float((off / (away**2 + off**2 + (points - along) ** 2) ** 1.5).sum())
+
+    edge = irradiance(LENGTH / 2, WIDTH / 2)
+    places = np.array([[2.0, 7.5, 13.0]], np.float32), np.array([[-6.0, 0.0, 7.0]], np.float32)
+    light, _ = look.sample(*places)
+    wanted = [BRIGHT * irradiance(*place) / edge for place in zip(*np.ravel(places).reshape(2, 3))]
+    np.testing.assert_allclose(light[0, :, 0], wanted, rtol=5e-3)
+    long = make_pad_appearance(4000.0, WIDTH, effects).light[20000, :, 0]
+    assert long[round(MARGIN / STEP)] < 1.0
+    middle, last = long[len(long) // 2], long[-1 - round(MARGIN / STEP)]
+    assert last / middle == pytest.approx(7.0, rel=0.02)
+
+
+def test_light_through_an_air_gap_is_guided_to_the_membrane():
+    # Rays that fall on a wall from all sides, within it to both sides of its normal, followed to
+    # where they first meet the membrane, by where they have started.
+    thickness, index = 4.0, 1.49
+    body = ClearBody(thickness, index, (True, False, True), ((False,) * 2,) * 2)
+    look = make_pad_appearance(LENGTH, WIDTH, Effects(lamps=4.0), body=body)
+    angles = np.arcsin((np.arange(1, 2000, 2) / 2000) / index)  # evenly by the sine: Lambert
+    heights = (np.arange(400) + 0.5) / 400 * thickness
+    angle, height = np.meshgrid(angles, heights)
+    lands = np.concatenate(
+        [(height / np.tan(angle)).ravel(), ((2 * thickness - height) / np.tan(angle)).ravel()]
+    )
+    count, edges = np.histogram(lands, np.arange(0, WIDTH + 1))
+    direct = count / count[0]
+    wanted = (direct + direct.mean()) / (1 + direct.mean())
+    middles = np.float32(WIDTH / 2 - (edges[1:] + edges[:-1]) / 2)[None]
+    light, _ = look.sample(np.full_like(middles, LENGTH / 2), middles)
+    np.testing.assert_allclose(light[0, :, 0] / BRIGHT, wanted, rtol=0.02)
+    np.testing.assert_array_equal(
+        look.light[..., 1], make_pad_appearance(LENGTH, WIDTH, Effects(lamps=4.0)).light[..., 1]
+    )
+
+
+def test_edges_that_clear_walls_mirror_bound_nothing():
+    body = ClearBody(3.0, 1.49, (False,) * 3, ((True, False), (False, True)))
+    inside = make_pad_appearance(LENGTH, WIDTH, Effects(), body=body).inside
+    along, across = grid()
+    wanted = np.minimum(LENGTH - along, across + WIDTH / 2)
+    open_ = wanted > 0
+    np.testing.assert_allclose(inside[open_], wanted[open_], atol=ROUNDING)
