@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -233,12 +234,12 @@ def _irradiance(
         height: of the lamp above the plane, mm.
     """
 
-    def sent(across: np.ndarray, along: np.ndarray) -> np.ndarray:
+    def sent(across: Any, along: Any) -> Any:
         squared = across**2 + height**2
         parts = [s / np.sqrt(squared + s**2) for s in (along, along - size)]
         return (parts[0] - parts[1]) / squared
 
-    edge = sent(np.asarray(height), np.asarray(size / 2))
+    edge = sent(height, size / 2)
     return sent(np.maximum(away, height), beside) / edge
 
 
