@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -172,8 +173,8 @@ def make_pad_appearance(
             [
                 _guided(body, across - distance)
                 if body and guided
-                else _irradiance(across, *lamp, height)
-                for across, guided, *lamp in zip(away, guides, beside, sizes, strict=True)
+                else _irradiance(across, place, size, height)
+                for across, guided, place, size in zip(away, guides, beside, sizes, strict=True)
             ],
             axis=-1,
         )
@@ -213,7 +214,7 @@ def lamp_distance(excess: float, width: float) -> float:
         >>> round(lamp_distance(9.0, 24.0), 2)
         3.57
     """
-    return width * (1 + np.sqrt(1 + 2 * excess)) / (4 * excess)
+    return width * (1 + math.sqrt(1 + 2 * excess)) / (4 * excess)
 
 
 def _irradiance(

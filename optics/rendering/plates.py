@@ -66,14 +66,14 @@ class Plate(NamedTuple):
 
     Attributes:
         thickness: mm.
-        index: of refraction.
+        refraction: its index.
         walls: places of its walls, where it ends towards the membrane, mm.
         kinds: of the walls: clear, lamp, or dark.
         window: what may be passed there.
     """
 
     thickness: float
-    index: float
+    refraction: float
     walls: tuple[Ends, Ends]
     kinds: tuple[Ends, Ends]
     window: tuple[Ends, Ends]
@@ -100,10 +100,12 @@ class Plates(NamedTuple):
     def mirrored(self) -> tuple[tuple[bool, bool], tuple[bool, bool]]:
         """Which edges of the membrane bound nothing, as clear walls stand on them."""
         last = self.plates[-1]
-        return tuple(
-            tuple(kind == "clear" and wall == end for kind, wall, end in zip(*of, strict=True))
+        of_walls = [
+            [kind == "clear" and wall == end for kind, wall, end in zip(*of, strict=True)]
             for of in zip(last.kinds, last.walls, last.window, strict=True)
-        )  # type: ignore[return-value]
+        ]
+        (first, second), (left, right) = of_walls
+        return (first, second), (left, right)
 
     def meet(self, start: Coordinates, way: Coordinates) -> Meeting:
         """Follow rays that are given in the pad's axes: along it, across, and over its membrane."""
@@ -120,7 +122,7 @@ class Plates(NamedTuple):
         light = cv2.remap(self.through, at, np.zeros_like(at), cv2.INTER_LINEAR)
         lamps = []
         for plate in self.plates:
-            squared = plate.index**2
+            squared = plate.refraction**2
             bend = plate.thickness / np.sqrt(squared + (squared - 1) * square)
             for axis in range(2):
                 places[axis] = places[axis] + bend * slopes[axis]
@@ -132,8 +134,8 @@ class Plates(NamedTuple):
                 beyond = out * (places[axis] - wall)
                 if kind == "clear":
                     met = beyond > 0
-                    if plate.index < CRITICAL:
-                        part = _reflected(np.abs(slopes[axis]) * cosine, plate.index)
+                    if plate.refraction < CRITICAL:
+                        part = _reflected(np.abs(slopes[axis]) * cosine, plate.refraction)
                         light = np.where(met, light * part, light)
                     places[axis] = wall - out * np.abs(beyond)
                     slopes[axis] = np.where(met, -slopes[axis], slopes[axis])
@@ -142,7 +144,8 @@ class Plates(NamedTuple):
                 if kind == "lamp":
                     lamps.append((np.minimum(beyond, room), LAMPS[axis][end]))
                 room = np.minimum(room, out * (edge - places[axis]))
-        return Meeting(*places, (way[2] < 0) & (drop > 0), room, light, tuple(lamps))
+        along, across = places
+        return Meeting(along, across, (way[2] < 0) & (drop > 0), room, light, tuple(lamps))
 
 
 def meet_bare(start: Coordinates, way: Coordinates) -> Meeting:
@@ -173,17 +176,16 @@ def plates_of(scene: Scene, width: float, channel: int = GREEN) -> list[Plates |
         lip, bevel = np.asarray(layers.lip[pad]), np.abs(np.asarray(layers.bevel[pad]))
         plates = []
         for layer, of in enumerate(own):
-            ends = [
+            first, second, beside = (
                 kind if kind in ("clear", "lamp") and slant < SQUARE else "dark"
-                for kind, slant in zip(of[:2], bevel[layer], strict=True)
-            ]
-            beside = of.beside if of.beside in ("clear", "lamp") else "dark"
+                for kind, slant in zip(of, [*bevel[layer], 0], strict=True)
+            )
             plates.append(
                 Plate(
                     float(layers.thickness[pad, layer]),
                     float(index[layer]),
                     (tuple(lower[pad, layer].tolist()), half),
-                    (tuple(ends), (beside, beside)),
+                    ((first, second), (beside, beside)),
                     (tuple(window[pad, layer].tolist()), half),
                 )
             )

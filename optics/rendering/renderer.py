@@ -9,22 +9,21 @@ mirrors by a pupil that stays is one projection of a plane.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import cv2
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, UInt8
+from jaxtyping import Float, UInt8
 
 from designopt.errors import UserError
 from optics.rendering.angles import checked_angles
 from optics.rendering.effects import FOCUS, Effects
 from optics.rendering.exposure import exposed
 from optics.rendering.imprints import Imprint
-from optics.rendering.limits import seen_from_outside, shown_beside, surfaces_of
+from optics.rendering.limits import seen_from_outside
 from optics.rendering.pads import (
     BRIGHT,
     ClearBody,
@@ -34,15 +33,15 @@ from optics.rendering.pads import (
     margin_beside,
 )
 from optics.rendering.plates import GREEN, LAMPS, Meeting, meet_bare, plates_of
-from optics.rendering.ways import Leg, Rays, axes_of, legs_of, one_of
+from optics.rendering.posed import Geometry, find_geometry, free_of
+from optics.rendering.ways import Rays, axes_of, legs_of, one_of
 from optics.scene.camera import Orthographic, Pinhole
 from optics.scene.fabrication import Fabrication, perturb
 from optics.scene.imaging import CENTER, RADII, Imaging
 from optics.scene.layers import CHANNELS
-from optics.scene.scene import Scene, place
-from optics.visibility.boundary_codes import FIRST_PAD_END, SECOND_PAD_END, is_own_end
-from optics.visibility.corners_in_space import Body, Eye, Sheet, find_corners_in_space
-from optics.visibility.coverage import find_views
+from optics.scene.scene import Scene
+from optics.visibility.boundary_codes import FIRST_PAD_END, SECOND_PAD_END
+from optics.visibility.corners_in_space import Body, Sheet
 from optics.visibility.unfolding import paths_of
 from optics.visibility.views import Pieces, path_name
 
@@ -111,33 +110,6 @@ class TactileImage:
         return next((v for v in self.views if (v.pad, v.path) == (pad, path)), None)
 
 
-class _Geometry(NamedTuple):
-    """What the image of one pose follows from.
-
-    Attributes:
-        pieces: what is seen of pads, or of their outermost surfaces.
-        limits: section angles of the pieces' ends, rad.
-        corners: where corners are imaged.
-        whole: whether one piece shows all of a pad, no flatter and no darker than a design counts;
-            ``None`` where no pad has layers.
-        surfaces: ends of all surfaces as they are seen from outside, mm.
-        eye: the camera.
-        ahead: its axis in the section.
-        sheets: the mirrors.
-        bodies: the pads.
-    """
-
-    pieces: Pieces
-    limits: Float[Array, "pads pieces 2"]
-    corners: Float[Array, "paths pads 4 2"]
-    whole: Bool[Array, "paths pads"] | None
-    surfaces: Float[Array, "surfaces 2 2"]
-    eye: Eye
-    ahead: Float[Array, "2"]
-    sheets: Sheet
-    bodies: Body
-
-
 class Renderer:
     """One made finger in front of its camera, ready for many frames.
 
@@ -181,7 +153,6 @@ class Renderer:
             )
         self._errors = Fabrication.none(scene.layout) if errors is None else errors
         self._effects, self._width, self._seed = effects, width, seed
-        self._beside = margin_beside(effects) if effects.strips else 0.0
         made = perturb(scene, self._errors, carried=carried)
         pixels = made.camera.pixels if rows is None else jnp.full_like(made.camera.pixels, rows)
         self.scene = eqx.tree_at(lambda scene: scene.camera.pixels, made, pixels)
@@ -274,7 +245,7 @@ class Renderer:
                         surface.name,
                         path_name(layout, word),
                         len(word),
-                        geometry.corners[path, pad],
+                        np.asarray(geometry.corners[path, pad]),
                         bool(whole),
                         _touches_border(labels == len(views) + 1),
                     )
@@ -283,15 +254,15 @@ class Renderer:
         pixels = exposed(light, self._effects, generator)
         return TactileImage(pixels, labels, tuple(views), pose, self._errors)
 
-    def _geometry_of(self, pose: Float[np.ndarray, " joints"]) -> _Geometry:
-        found = _geometry(
+    def _geometry_of(self, pose: Float[np.ndarray, " joints"]) -> Geometry:
+        found = find_geometry(
             self.scene, self._outside, self.imaging, jnp.asarray(pose), self._width, self._errors
         )
         return jax.tree.map(np.asarray, found)
 
     def _seen(
         self,
-        geometry: _Geometry,
+        geometry: Geometry,
         word: Sequence[int],
         pad: int,
         parts: np.ndarray,
@@ -309,7 +280,7 @@ class Renderer:
         for channel in channels:
             rays = self._rays[channel % len(self._rays)].at(window)
             legs = legs_of(geometry.eye, rays, geometry.sheets, word)
-            free = _free(geometry, pad, parts, legs, rays)
+            free = free_of(geometry, pad, parts, legs, rays)
             body = one_of(geometry.bodies, pad)
             axes = np.stack([body.along, body.across, body.normal])
             at = legs[-1].within(body.start, axes)
@@ -321,12 +292,9 @@ class Renderer:
             shown = shown[..., None]
         else:
             shown = np.stack([each[0] for each in found], axis=-1)
-            color, lamps = (
-                None
-                if found[0][part] is None
-                else np.stack([each[part][..., i] for i, each in enumerate(found)], axis=-1)
-                for part in (1, 2)
-            )
+            color = np.stack([each[1][..., i] for i, each in enumerate(found)], axis=-1)
+            alight = [each[2][..., i] for i, each in enumerate(found) if each[2] is not None]
+            lamps = np.stack(alight, axis=-1) if alight else None
         if self._lit is not None:
             shown = shown * self._lit[window][..., None]
         if self._vignette is not None:
@@ -352,7 +320,7 @@ class Renderer:
         return _filled(inside) * free, color, lamps
 
     def _whole(
-        self, geometry: _Geometry, pad: int, parts: np.ndarray, turn: Float[np.ndarray, "3 3"]
+        self, geometry: Geometry, pad: int, parts: np.ndarray, turn: Float[np.ndarray, "3 3"]
     ) -> bool:
         """Whether one piece shows all of a bare pad, nowhere flatter than its design counts."""
         pieces, (ahead, above, _) = geometry.pieces, geometry.bodies.along[pad] @ turn
@@ -391,7 +359,7 @@ class Renderer:
         start = body.start - shift
         around = start + places @ np.stack([body.along, body.across]) + height * body.normal
         ends = np.stack([start, start + length * body.along])
-        return (ends @ turn)[:, :2], around @ turn
+        return (ends @ turn)[:, :2], np.asarray(around @ turn)
 
     def _bending(self, sheets: Sheet, word: Sequence[int]) -> float:
         """By how much bowed mirrors may move what is seen in them, px."""
@@ -424,7 +392,7 @@ class Renderer:
         walls = {LAMPS[0][0]: first.kinds[0][0]}
         walls |= dict(zip(LAMPS[1], first.kinds[1], strict=True))
         guides = tuple(walls[channel] == "clear" for channel in range(len(CHANNELS)))
-        return ClearBody(plates.top, first.index, guides, plates.mirrored)
+        return ClearBody(plates.top, first.refraction, guides, plates.mirrored)
 
     def _vignetting(self) -> Float[np.ndarray, "rows columns"] | None:
         if not self._effects.vignetting:
@@ -477,79 +445,6 @@ class Renderer:
         # A gradient needs two pixels each way.
         left, top = min(left, columns - 2), min(top, rows - 2)
         return slice(top, max(bottom, top + 2)), slice(left, max(right, left + 2))
-
-
-@eqx.filter_jit
-def _geometry(
-    scene: Scene,
-    outside: Scene,
-    imaging: Imaging,
-    angles: Float[Array, " joints"],
-    width: float,
-    errors: Fabrication,
-) -> _Geometry:
-    layout, pads = scene.layout, len(scene.layout.pads)
-    words = paths_of(layout, layout.bounces)
-    pieces = find_views(outside, angles).value
-    views = tuple((word, pad) for word in words for pad in range(pads))
-    corners = find_corners_in_space(scene, angles, errors, imaging, width, views)
-    bare = replace(scene, layers=None, layout=replace(layout, layers=(), bezels=()))
-    placed = place(bare, angles)
-    whole = None
-    if scene.layers is not None:
-        # With its own least grazing angles and transmissions.
-        camera = outside.camera
-        whole = _whole(
-            find_views(eqx.tree_at(lambda s: s.camera, scene, camera), angles).value, len(words)
-        )
-    return _Geometry(
-        pieces,
-        outside.camera.angle(pieces.pixels),
-        corners.reshape(len(words), pads, 4, 2),
-        whole,
-        surfaces_of(outside, angles),
-        Eye.of(bare, placed, errors),
-        jnp.stack([placed.axis.x, placed.axis.y]),
-        Sheet.all_of(bare.layout, placed, errors),
-        Body.all_of(bare, placed, errors, jnp.asarray(width), GREEN),
-    )
-
-
-def _whole(pieces: Pieces, paths: int) -> Bool[Array, "paths pads"]:
-    """Which views show all of a pad between its own ends, or those of its layers, in one piece."""
-    own = is_own_end(pieces.start_label, 0) & is_own_end(pieces.end_label, 1)
-    by_end = jnp.zeros_like(own) if pieces.face is None else pieces.face > 0
-    found = []
-    for path in range(paths):
-        there = pieces.present & (pieces.path == path)
-        # A view through a clear end adjoins the one through the top: together they have no corners.
-        found.append(jnp.any(there & own, axis=-1) & ~jnp.any(there & by_end, axis=-1))
-    return jnp.stack(found)
-
-
-def _free(
-    geometry: _Geometry, pad: int, parts: np.ndarray, legs: list[Leg], rays: Rays
-) -> Float[np.ndarray, "rows columns"]:
-    """Part of each pixel that nothing else hides."""
-    pieces, free = geometry.pieces, np.zeros_like(rays.ahead)
-    for part in parts:
-        first, last = geometry.limits[pad, part]
-        sense, here = float(np.sign(last - first)), np.ones_like(free)
-        for label, angle, side in (
-            (pieces.start_label, first, sense), (pieces.end_label, last, -sense)
-        ):  # fmt: skip
-            edge = shown_beside(
-                int(label[pad, part]),
-                float(angle),
-                side,
-                legs,
-                rays,
-                geometry.surfaces,
-                geometry.ahead,
-            )
-            here = here if edge is None else here * edge
-        free = np.maximum(free, here)
-    return free
 
 
 def _laid(

@@ -57,7 +57,11 @@ class Rays(NamedTuple):
 
     def at(self, window: tuple[slice, slice]) -> Rays:
         """Those of a part of the image."""
-        return Rays(*(None if part is None else part[window] for part in self))
+        pupil = None if self.pupil is None else self.pupil[window]
+        ahead, above, slope, per_pixel = (
+            part[window] for part in (self.ahead, self.above, self.slope, self.per_pixel)
+        )
+        return Rays(ahead, above, slope, pupil, per_pixel)
 
 
 class Leg(NamedTuple):

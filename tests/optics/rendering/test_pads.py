@@ -191,7 +191,7 @@ def test_light_through_an_air_gap_is_guided_to_the_membrane():
     # Rays that fall on a wall from all sides, within it to both sides of its normal, followed to
     # where they first meet the membrane, by where they have started.
     thickness, index = 4.0, 1.49
-    body = ClearBody(thickness, index, (True, False, True), ((False,) * 2,) * 2)
+    body = ClearBody(thickness, index, (True, False, True), ((False, False), (False, False)))
     look = make_pad_appearance(LENGTH, WIDTH, Effects(lamps=4.0), body=body)
     angles = np.arcsin((np.arange(1, 2000, 2) / 2000) / index)  # evenly by the sine: Lambert
     heights = (np.arange(400) + 0.5) / 400 * thickness
@@ -202,7 +202,7 @@ def test_light_through_an_air_gap_is_guided_to_the_membrane():
     count, edges = np.histogram(lands, np.arange(0, WIDTH + 1))
     direct = count / count[0]
     wanted = (direct + direct.mean()) / (1 + direct.mean())
-    middles = np.float32(WIDTH / 2 - (edges[1:] + edges[:-1]) / 2)[None]
+    middles = (WIDTH / 2 - (edges[1:] + edges[:-1]) / 2).astype(np.float32)[None]
     light, _ = look.sample(np.full_like(middles, LENGTH / 2), middles)
     np.testing.assert_allclose(light[0, :, 0] / BRIGHT, wanted, rtol=0.02)
     np.testing.assert_array_equal(
@@ -211,7 +211,7 @@ def test_light_through_an_air_gap_is_guided_to_the_membrane():
 
 
 def test_edges_that_clear_walls_mirror_bound_nothing():
-    body = ClearBody(3.0, 1.49, (False,) * 3, ((True, False), (False, True)))
+    body = ClearBody(3.0, 1.49, (False, False, False), ((True, False), (False, True)))
     inside = make_pad_appearance(LENGTH, WIDTH, Effects(), body=body).inside
     along, across = grid()
     wanted = np.minimum(LENGTH - along, across + WIDTH / 2)
