@@ -174,8 +174,15 @@ class Renderer:
             seen_from_outside(self.scene),
             (jnp.asarray(widest), jnp.full_like(made.grazing, GRAZING)),
         )
-        angles = np.linspace(0, min(self.scene.camera.projection.widest, np.pi) - 1e-3, RADII)
-        self._heights = angles, np.asarray(self.scene.camera.projection.height(jnp.asarray(angles)))
+        camera = self.scene.camera
+        angles = np.linspace(0, min(camera.projection.widest, np.pi) - 1e-3, RADII)
+        heights = camera.projection.height(jnp.asarray(angles))
+        # Here as numbers, which need no dispatch.
+        self._focal = float(camera.focal_pixels)
+        self._radii = angles, self._focal * np.asarray(heights)
+        shift = camera.pupil_shift
+        self._pupil = None if shift is None else np.asarray(shift)
+        self._steep = np.sin(np.asarray(self.scene.grazing))
 
     def _rays_of_channels(self) -> list[Rays]:
         """Rays of all pixels: of each color where its image has a scale of its own, or of all."""
@@ -329,7 +336,7 @@ class Renderer:
         whole = (pieces.start_label[pad, parts] == FIRST_PAD_END) & (
             pieces.end_label[pad, parts] == SECOND_PAD_END
         )
-        return bool((whole & (steep >= np.sin(self.scene.grazing[pad]))).any())
+        return bool((whole & (steep >= self._steep[pad])).any())
 
     def _defocus(self, ends: Float[np.ndarray, "2 2"]) -> float:
         """Radius of the disc over which a view is spread, that of its middle, px; 0 if sharp."""
@@ -366,7 +373,7 @@ class Renderer:
         if sheets.bow is None or not word:
             return 0.0
         turned = sum(4 * abs(sheets.bow[i]) / sheets.half[i] for i in word)
-        return float(turned * self.imaging.camera.focal_pixels)
+        return float(turned * self._focal)
 
     def _look(self, pad: int, imprints: tuple[Imprint, ...]) -> PadAppearance:
         if (pad, imprints) not in self._looks:
@@ -424,18 +431,17 @@ class Renderer:
     def _window(self, around: Float[np.ndarray, "places 3"], spare: float) -> tuple[slice, slice]:
         """The part of the image that holds a view; all of it for one that passes the camera."""
         rows, columns = self._inside.shape[:2]
-        camera = self.imaging.camera
         # Only these image what is behind them elsewhere than where it lies.
-        pinhole = isinstance(camera.projection, Pinhole | Orthographic)
+        pinhole = isinstance(self.imaging.camera.projection, Pinhole | Orthographic)
         if pinhole and (around[:, 0] <= 0).any():
             return slice(0, rows), slice(0, columns)
         ahead, above, across = around.T
         off = np.maximum(np.hypot(above, across), 1e-9)
         angle = np.arctan2(off, ahead)
-        if camera.pupil_shift is not None:
+        if self._pupil is not None:
             for _ in range(PUPIL_STEPS):
-                angle = np.arctan2(off, ahead - np.asarray(camera.pupil_at(jnp.asarray(angle))))
-        radius = float(camera.focal_pixels) * np.interp(angle, *self._heights)
+                angle = np.arctan2(off, ahead - angle**2 * np.polyval(self._pupil[::-1], angle**2))
+        radius = np.interp(angle, *self._radii)
         middle = np.array([columns, rows])[:, None] / 2 - CENTER
         places = middle + radius / off * np.stack([across, -above])
         low = np.floor(places.min(axis=1) - spare) - BORDER

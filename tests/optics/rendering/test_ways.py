@@ -250,22 +250,27 @@ def nearest_hits(scene: Scene, errors: Fabrication, pose: np.ndarray) -> np.ndar
 
     All surfaces go on across the section; mirrors lean and bow, and pads lean.
     """
-    section, layout = posed(scene, pose), scene.layout
-    camera, shift, (mirrors, pads) = scene.camera, scene.camera.pupil_shift, (
-        len(layout.mirrors), len(layout.pads)
+    section, layout, camera = posed(scene, pose), scene.layout, scene.camera
+    mirrors, pads = len(layout.mirrors), len(layout.pads)
+    yaw, roll, mirror_lean, mirror_bow, pad_lean, shift = (
+        np.asarray(part, float)
+        for part in (
+            errors.yaw, errors.roll, errors.mirror_lean, errors.mirror_bow, errors.pad_lean,
+            camera.pupil_shift,
+        )
     )  # fmt: skip
     places = np.stack(np.meshgrid(np.arange(ROWS * 4 // 3), np.arange(ROWS)), -1).reshape(-1, 2)
     axis = in_space(np.exp(1j * section.direction))
     up = np.cross(Z, axis)
-    axis, across = turned(axis, Z, float(errors.yaw))
-    up, across = turned(up, across, float(errors.roll))
+    axis, across = turned(axis, Z, float(yaw))
+    up, across = turned(up, across, float(roll))
     seen = looked(places.astype(float), float(camera.field_of_view) / 2, ROWS, ROWS * 4 // 3)
     angle, slope = seen[..., :1], seen[..., 1:]
     way = np.cos(angle) * axis + np.sin(angle) * up + slope * across
     way /= np.linalg.norm(way, axis=1, keepdims=True)
     theta = np.arccos(np.clip(way @ axis, -1, 1))[:, None]
     at = in_space(section.position) + float(errors.lateral) * Z
-    at = at + (float(shift[0]) * theta**2 + float(shift[1]) * theta**4) * axis
+    at = at + (shift[0] * theta**2 + shift[1] * theta**4) * axis
     label, path, live = np.zeros(len(way), int), np.zeros(len(way), int), np.ones(len(way), bool)
     for leg in range(2):
         best, met = np.full(len(way), np.inf), np.full(len(way), -1)
@@ -275,9 +280,9 @@ def nearest_hits(scene: Scene, errors: Fabrication, pose: np.ndarray) -> np.ndar
             along = in_space((last - first) / (2 * half))
             lean = bow = 0.0
             if surface < mirrors:
-                lean, bow = float(errors.mirror_lean[surface]), float(errors.mirror_bow[surface])
+                lean, bow = float(mirror_lean[surface]), float(mirror_bow[surface])
             elif surface < mirrors + pads:
-                lean = float(errors.pad_lean[surface - mirrors])
+                lean = float(pad_lean[surface - mirrors])
             normal, side = turned(np.cross(Z, along), Z, lean)
             u, v, du, dv = (a @ b for a in (at - middle, way) for b in (along, normal))
             time = -v / dv
