@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -97,6 +98,27 @@ class PadAppearance:
         return columns, ((along + self.margin) / STEP - 0.5).astype(np.float32)
 
 
+@dataclass(frozen=True)
+class ClearBody:
+    """Clear layers on a pad, as far as they change how it looks in its own plane.
+
+    A lamp beside a clear wall lights it through an air gap: what enters cannot leave at the top and
+    is guided down to the membrane.
+
+    Attributes:
+        thickness: of all layers, mm.
+        index: of refraction of the outermost one.
+        guides: whether the walls are clear to which the red, the green and the blue lamp shine.
+        mirrored: which edges bound nothing as clear walls stand on them: along the pad and across
+            it, the first and the second end.
+    """
+
+    thickness: float
+    index: float
+    guides: tuple[bool, bool, bool]
+    mirrored: tuple[tuple[bool, bool], tuple[bool, bool]]
+
+
 def make_pad_appearance(
     length: float,
     width: float,
@@ -105,6 +127,7 @@ def make_pad_appearance(
     *,
     brightness: float = 1.0,
     seed: Sequence[int] = (0,),
+    body: ClearBody | None = None,
 ) -> PadAppearance:
     """How a pad looks.
 
@@ -121,6 +144,7 @@ def make_pad_appearance(
         imprints: what is pressed in; the deepest counts.
         brightness: of the lights.
         seed: of the rough edges, and of how far the lamps in view are beside them.
+        body: clear layers over it; lamps in view are then in their walls, and none beside the pad.
 
     Example:
         >>> make_pad_appearance(20.0, 15.0, Effects()).light.shape[-1]  # red, green and blue
@@ -144,8 +168,15 @@ def make_pad_appearance(
     if effects.lamps:
         beside = [along, across + width / 2, along]
         sizes = [length, width, length]
+        guides = (False,) * 3 if body is None else body.guides
         lights *= np.stack(
-            [_irradiance(*one, height) for one in zip(away, beside, sizes, strict=True)], axis=-1
+            [
+                _guided(body, across - distance)
+                if body and guided
+                else _irradiance(across, place, size, height)
+                for across, guided, place, size in zip(away, guides, beside, sizes, strict=True)
+            ],
+            axis=-1,
         )
     if imprints:
         depth = np.max([make_height_map(one, along, across, STEP) for one in imprints], axis=0)
@@ -155,12 +186,12 @@ def make_pad_appearance(
             lights *= 1 - effects.shadows * _shadows(depth, away, height)
     return PadAppearance(
         lights.astype(np.float32),
-        _inside(along, across, length, width, effects, seed).astype(np.float32),
+        _inside(along, across, length, width, effects, seed, body).astype(np.float32),
         length,
         width,
         margin,
         _lamps_in_view(along, across, length, width, effects.strips, seed)
-        if effects.strips
+        if effects.strips and body is None
         else None,
     )
 
@@ -205,13 +236,34 @@ def _irradiance(
         height: of the lamp above the plane, mm.
     """
 
-    def sent(across: np.ndarray, along: np.ndarray) -> np.ndarray:
+    def sent(across: Any, along: Any) -> Any:
         squared = across**2 + height**2
         parts = [s / np.sqrt(squared + s**2) for s in (along, along - size)]
         return (parts[0] - parts[1]) / squared
 
-    edge = sent(np.full(1, height), np.full(1, size / 2))
+    edge = sent(height, size / 2)
     return sent(np.maximum(away, height), beside) / edge
+
+
+def _guided(
+    body: ClearBody, away: Float[np.ndarray, "rows columns"]
+) -> Float[np.ndarray, "rows columns"]:
+    """Light that comes through an air gap and a clear wall, over that at the wall.
+
+    Inside, the light rises or falls by at most the critical angle φ from the wall's normal, and the
+    surface above reflects it all. A beam at φ has reached the membrane evenly until it has gone
+    2 t / tan φ in a body of thickness t, so that at x from the wall the sum over all is in
+    proportion to 1 − cos φ(x), φ(x) = arctan(2 t / x) at most. The membrane sends half of what
+    stays within around again, evenly, and so on: as much again.
+
+    Args:
+        body: the layers.
+        away: from the wall, mm.
+    """
+    nearest = 2 * body.thickness * np.sqrt(max(body.index**2 - 1, 0))
+    way = np.maximum(away, nearest)
+    direct = 1 - way / np.hypot(way, 2 * body.thickness)
+    return (direct + direct.mean()) / (direct.max() + direct.mean())
 
 
 def _samples(length: float, margin: float) -> Float[np.ndarray, " samples"]:
@@ -269,8 +321,14 @@ def _lamps_in_view(
         beyond = side * across - width / 2 - gap
         inside = np.minimum(np.minimum(beyond, strips - beyond), from_end)
         share = np.clip(0.5 + inside / STEP, 0, 1)
-        light += share[..., None] * (BESIDE * LAMP)
-        light[..., color] += share * ((1 - BESIDE) * LAMP)
+        light += share[..., None].astype(np.float32) * lamp_in_view(color)
+    return light
+
+
+def lamp_in_view(channel: int) -> Float[np.ndarray, "3"]:
+    """Light of a lamp of a color, by its index: red, green and blue."""
+    light = np.full(3, BESIDE * LAMP, np.float32)
+    light[channel] = LAMP
     return light
 
 
@@ -281,13 +339,21 @@ def _inside(
     width: float,
     effects: Effects,
     seed: Sequence[int],
+    body: ClearBody | None,
 ) -> Float[np.ndarray, "rows columns"]:
     """Distance inside a rectangle with round corners and rough edges."""
     radius = effects.rounding
-    from_middle = np.abs(along - length / 2) - (length / 2 - radius)
-    beside = np.abs(across) - (width / 2 - radius)
-    outside = np.hypot(np.maximum(from_middle, 0), np.maximum(beside, 0))
-    inside = radius - outside - np.minimum(np.maximum(from_middle, beside), 0)
+    off = []
+    edges = [(0.0, length), (-width / 2, width / 2)]
+    mirrored = ((False, False),) * 2 if body is None else body.mirrored
+    for place, (first, last), (before, behind) in zip(
+        (along, across), edges, mirrored, strict=True
+    ):
+        # An edge that bounds nothing is far away.
+        first, last = first - before * (length + width), last + behind * (length + width)
+        off.append(np.abs(place - (first + last) / 2) - ((last - first) / 2 - radius))
+    outside = np.hypot(*(np.maximum(one, 0) for one in off))
+    inside = radius - outside - np.minimum(np.maximum(*off), 0)
     if effects.roughness == 0:
         return inside
     noise = np.random.default_rng(list(seed)).standard_normal(along.shape).astype(np.float32)

@@ -1,38 +1,54 @@
-"""Rendering: every pixel's ray goes to the pad that it meets, and takes its light from there."""
+"""Rendering: every pixel's ray goes to the pad that it meets, and takes its light from there.
+
+Rays are followed in space: over mirrors that lean and bow (`optics.rendering.ways`), and down
+through the layers on a pad (`optics.rendering.plates`). What hides a pad is found in the section
+(`optics.rendering.limits`). What a scene does not have costs nothing: a bare pad seen over flat
+mirrors by a pupil that stays is one projection of a plane.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import cv2
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, UInt8
+from jaxtyping import Float, UInt8
 
 from designopt.errors import UserError
 from optics.rendering.angles import checked_angles
 from optics.rendering.effects import FOCUS, Effects
 from optics.rendering.exposure import exposed
 from optics.rendering.imprints import Imprint
-from optics.rendering.pads import BRIGHT, PadAppearance, make_pad_appearance, margin_beside
+from optics.rendering.limits import seen_from_outside
+from optics.rendering.pads import (
+    BRIGHT,
+    ClearBody,
+    PadAppearance,
+    lamp_in_view,
+    make_pad_appearance,
+    margin_beside,
+)
+from optics.rendering.plates import GREEN, LAMPS, Meeting, meet_bare, plates_of
+from optics.rendering.posed import Geometry, find_geometry, free_of
+from optics.rendering.ways import Rays, axes_of, legs_of, one_of
 from optics.scene.camera import Orthographic, Pinhole
 from optics.scene.fabrication import Fabrication, perturb
-from optics.scene.imaging import Imaging
+from optics.scene.imaging import CENTER, RADII, Imaging
+from optics.scene.layers import CHANNELS
 from optics.scene.scene import Scene
 from optics.visibility.boundary_codes import FIRST_PAD_END, SECOND_PAD_END
-from optics.visibility.coverage import find_views
-from optics.visibility.outlines import Outlines, find_corners, find_outlines
+from optics.visibility.corners_in_space import SpatialMirror, SpatialPad
 from optics.visibility.unfolding import paths_of
 from optics.visibility.views import Pieces, path_name
 
 BORDER = 8
 """Pixels around a view that are looked at as well, as blur and rough edges need."""
 
-ALONG_SIDE = 17
+AROUND = 33
 """Places along each side of a pad that are projected to find its place in the image."""
 
 GRAZING = np.deg2rad(0.05)
@@ -40,6 +56,9 @@ GRAZING = np.deg2rad(0.05)
 
 BLOTCHES = (6, 8)
 """Rows and columns of random brightness that the finger's inside is made of."""
+
+PUPIL_STEPS = 3
+"""Steps to where the pupil is for a place that is imaged; they need to be right to a few pixels."""
 
 SHARPEST = 0.3
 """Radius of a disc of defocus below which it is none, px."""
@@ -91,26 +110,6 @@ class TactileImage:
         return next((v for v in self.views if (v.pad, v.path) == (pad, path)), None)
 
 
-class _Geometry(NamedTuple):
-    """What the image of one pose follows from.
-
-    Attributes:
-        pieces: what is seen.
-        limits: section angles of the pieces' ends, rad.
-        ends: of the pads in the camera's own axes, unfolded, mm.
-        corners: where the pads' corners are imaged.
-        around: where places of the pads are imaged, their sides' among them.
-        behind: whether any of these is behind a pinhole.
-    """
-
-    pieces: Pieces
-    limits: Float[Array, "pads pieces 2"]
-    ends: Float[Array, "paths pads 2 2"]
-    corners: Float[Array, "paths pads 4 2"]
-    around: Float[Array, "paths pads places 2"]
-    behind: Bool[Array, "paths pads"]
-
-
 class Renderer:
     """One made finger in front of its camera, ready for many frames.
 
@@ -145,44 +144,53 @@ class Renderer:
             seed: of this finger's rough edges, of its inside, and of the noise of its frames.
 
         Raises:
-            UserError: pads or mirrors have layers, or the entrance pupil moves, which images do not
-                show yet.
+            UserError: mirrors have layers, which images do not show yet.
         """
-        if scene.layers is not None:
-            raise UserError(
-                f"{scene.layout.name}: synthetic images do not show the layers on pads; leave out "
-                "'layers' of the pads"
-            )
         if scene.mirror_layers is not None:
             raise UserError(
                 f"{scene.layout.name}: synthetic images do not show mirrors through layers; leave "
                 "out 'layers' of the mirrors"
             )
-        if scene.camera.pupil_shift is not None:
-            raise UserError(
-                f"{scene.layout.name}: synthetic images are those of a pupil that stays; leave out "
-                "'pupil_shift' of the camera"
-            )
         self._errors = Fabrication.none(scene.layout) if errors is None else errors
         self._effects, self._width, self._seed = effects, width, seed
-        self._beside = margin_beside(effects) if effects.strips else 0.0
-        self._lateral = np.float32(self._errors.lateral.item())
         made = perturb(scene, self._errors, carried=carried)
         pixels = made.camera.pixels if rows is None else jnp.full_like(made.camera.pixels, rows)
-        self.scene = eqx.tree_at(
-            lambda scene: (scene.camera.pixels, scene.grazing),
-            made,
-            (pixels, jnp.full_like(made.grazing, GRAZING)),
-        )
-        self._least_grazing = np.asarray(scene.grazing)
+        self.scene = eqx.tree_at(lambda scene: scene.camera.pixels, made, pixels)
         self.imaging = Imaging.of(self.scene.camera)
-        rays = self.imaging.ray_map()
-        self._angle, self._slope = (np.ascontiguousarray(rays[..., part]) for part in range(2))
+        self._rays = self._rays_of_channels()
+        self._plates = [plates_of(self.scene, width, channel) for channel in range(len(CHANNELS))]
+        layers = self.scene.own_layers
+        index = np.zeros((len(made.pads), 1, 1)) if layers is None else np.asarray(layers.index)
+        self._disperses = np.ptp(index, axis=-1).any(axis=-1)
         self._lit = self.imaging.lit()
         self._vignette = self._vignetting()
         self._inside = self._finger_inside()
         self._paths = paths_of(scene.layout, scene.layout.bounces)
         self._looks: dict[tuple[int, tuple[Imprint, ...]], PadAppearance] = {}
+        # Corners of the image look beyond the field of view, which is that of the image line.
+        widest = 2 * float(np.abs(np.arctan2(self._rays[0].above, self._rays[0].ahead)).max())
+        self._outside = eqx.tree_at(
+            lambda scene: (scene.camera.field_of_view, scene.grazing),
+            seen_from_outside(self.scene),
+            (jnp.asarray(widest), jnp.full_like(made.grazing, GRAZING)),
+        )
+        camera = self.scene.camera
+        angles = np.linspace(0, min(camera.projection.widest, np.pi) - 1e-3, RADII)
+        heights = camera.projection.height(jnp.asarray(angles))
+        # Here as numbers, which need no dispatch.
+        self._focal = float(camera.focal_pixels)
+        self._radii = angles, self._focal * np.asarray(heights)
+        shift = camera.pupil_shift
+        self._pupil = None if shift is None else np.asarray(shift)
+        self._steep = np.sin(np.asarray(self.scene.grazing))
+
+    def _rays_of_channels(self) -> list[Rays]:
+        """Rays of all pixels: of each color where its image has a scale of its own, or of all."""
+        scales = self._errors.lateral_color
+        if scales is None or not np.any(scales):
+            return [Rays.of(self.imaging)]
+        red, blue = (1 + np.asarray(scales)).tolist()
+        return [Rays.of(self.imaging, scale) for scale in (red, 1.0, blue)]
 
     def render(
         self,
@@ -210,18 +218,7 @@ class Renderer:
         unknown = set(imprints or ()) - {pad.name for pad in layout.pads}
         if unknown:
             raise ValueError(f"no pad is named {', '.join(sorted(unknown))}")
-        geometry = jax.tree.map(
-            np.asarray,
-            _geometry(
-                self.scene,
-                self.imaging,
-                jnp.asarray(pose),
-                jnp.asarray(self._width),
-                jnp.asarray(self._width + 2 * self._beside),
-                self._errors.lateral,
-                jnp.asarray(2 * float(np.abs(self._angle).max())),
-            ),
-        )
+        geometry = self._geometry_of(pose)
         light = self._inside.copy()
         labels = np.zeros(light.shape[:2], np.uint8)
         views: list[TrueView] = []
@@ -232,30 +229,30 @@ class Renderer:
                 if not parts.size:
                     continue
                 look = self._look(pad, tuple((imprints or {}).get(surface.name, ())))
-                radius = self._defocus(geometry.ends[path, pad])
-                window = self._window(
-                    geometry.around[path, pad], bool(geometry.behind[path, pad]), radius
-                )
-                shown, color, lamps = self._seen(geometry, path, pad, parts, window, look)
+                axes = axes_of(geometry.camera, geometry.mirrors, word)
+                ends, around = self._placed(axes, one_of(geometry.bodies, pad), pad)
+                radius = self._defocus(ends)
+                window = self._window(around, radius + self._bending(geometry.mirrors, word))
+                shown, color, lamps = self._seen(geometry, word, pad, parts, window, look)
                 if word and self._effects.mirror_loss:
                     kept = (1 - self._effects.mirror_loss) ** len(word)
                     color *= kept
                     lamps = None if lamps is None else lamps * kept
                 _laid(light[window], shown, color, lamps, radius)
-                mine = shown > 0.5
+                mine = shown[..., shown.shape[-1] // 2] > 0.5
                 if not mine.any():
                     continue
                 labels[window][mine] = len(views) + 1
-                whole = (
-                    (pieces.start_label[pad, parts] == FIRST_PAD_END)
-                    & (pieces.end_label[pad, parts] == SECOND_PAD_END)
-                ).any() and _grazing(geometry.ends[path, pad]) >= self._least_grazing[pad]
+                if geometry.whole is None:
+                    whole = self._whole(geometry, pad, parts, axes[0])
+                else:
+                    whole = geometry.whole[path, pad]
                 views.append(
                     TrueView(
                         surface.name,
                         path_name(layout, word),
                         len(word),
-                        geometry.corners[path, pad],
+                        np.asarray(geometry.corners[path, pad]),
                         bool(whole),
                         _touches_border(labels == len(views) + 1),
                     )
@@ -264,49 +261,82 @@ class Renderer:
         pixels = exposed(light, self._effects, generator)
         return TactileImage(pixels, labels, tuple(views), pose, self._errors)
 
+    def _geometry_of(self, pose: Float[np.ndarray, " joints"]) -> Geometry:
+        found = find_geometry(
+            self.scene, self._outside, self.imaging, jnp.asarray(pose), self._width, self._errors
+        )
+        return jax.tree.map(np.asarray, found)
+
     def _seen(
         self,
-        geometry: _Geometry,
-        path: int,
+        geometry: Geometry,
+        word: Sequence[int],
         pad: int,
         parts: np.ndarray,
         window: tuple[slice, slice],
         look: PadAppearance,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """How much of each pixel a view fills, the light there, and that of lamps beside it."""
-        angle, slope = self._angle[window], self._slope[window]
-        forward, up = np.cos(angle), np.sin(angle)
-        # notation: the ray L (forward, up) meets first + part · step.
-        first, last = np.asarray(geometry.ends[path, pad], np.float32)
-        step = last - first
-        across = forward * step[1] - up * step[0]
-        across = np.where(across == 0, np.float32(1e-6), across)
-        distance = (first[0] * step[1] - first[1] * step[0]) / across
-        along = (first[0] * up - first[1] * forward) / across * np.float32(look.length)
-        beside = slope * distance + self._lateral
-        color, inside = look.sample(along, beside)
-        shown = np.where(distance > 0, _filled(inside), 0)
+        """How much of each pixel a view fills, the light of the pad there, and of lamps.
+
+        The first is one for all colors, or one for each if these go different ways.
+        """
+        plates = [of_pads[pad] for of_pads in self._plates]
+        one = len(self._rays) == 1 and not self._disperses[pad]
+        channels = [GREEN] if one else range(len(CHANNELS))
+        found = []
+        for channel in channels:
+            rays = self._rays[channel % len(self._rays)].at(window)
+            legs = legs_of(geometry.camera, rays, geometry.mirrors, word)
+            free = free_of(geometry, pad, parts, legs, rays)
+            body = one_of(geometry.bodies, pad)
+            axes = np.stack([body.along, body.across, body.normal])
+            at = legs[-1].within(body.start, axes)
+            covered = plates[channel]
+            meeting = meet_bare(*at) if covered is None else covered.meet(*at)
+            found.append(self._looked(meeting, look, free * meeting.there))
+        if one:
+            [(shown, color, lamps)] = found
+            shown = shown[..., None]
+        else:
+            shown = np.stack([each[0] for each in found], axis=-1)
+            color = np.stack([each[1][..., i] for i, each in enumerate(found)], axis=-1)
+            alight = [each[2][..., i] for i, each in enumerate(found) if each[2] is not None]
+            lamps = np.stack(alight, axis=-1) if alight else None
         if self._lit is not None:
-            shown = shown * self._lit[window]
-        per_pixel = np.maximum(np.hypot(*np.gradient(angle)), 1e-9)
-        part_shown = np.zeros_like(shown)
-        for part in parts:
-            pieces, here = geometry.pieces, np.ones_like(shown)
-            limits = geometry.limits[pad, part]
-            outward = np.sign(limits[1] - limits[0])
-            # Where the pad itself ends, its outline gives the place.
-            if pieces.start_label[pad, part] != FIRST_PAD_END:
-                here *= np.clip(0.5 + outward * _turn(angle - limits[0]) / per_pixel, 0, 1)
-            if pieces.end_label[pad, part] != SECOND_PAD_END:
-                here *= np.clip(0.5 - outward * _turn(angle - limits[1]) / per_pixel, 0, 1)
-            part_shown = np.maximum(part_shown, here)
-        lamps = None
-        if look.lamps is not None:
-            lamps = look.sample_lamps(along, beside) * part_shown[..., None]
-            lamps[distance <= 0] = 0
+            shown = shown * self._lit[window][..., None]
         if self._vignette is not None:
             color *= self._vignette[window][..., None]
-        return shown * part_shown, color, lamps
+        return shown, color, lamps
+
+    def _looked(
+        self, meeting: Meeting, look: PadAppearance, free: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """How much of each pixel the pad fills, of what is free; its light, and that of lamps."""
+        color, inside = look.sample(meeting.along, meeting.across)
+        if meeting.margin is not None:
+            inside = np.minimum(inside, meeting.margin)
+        if meeting.light is not None:
+            color *= meeting.light[..., None]
+        lamps = None
+        if look.lamps is not None:
+            lamps = look.sample_lamps(meeting.along, meeting.across) * free[..., None]
+        elif meeting.lamps and (self._effects.lamps or self._effects.strips):
+            lamps = np.zeros((*free.shape, 3), np.float32)
+            for margin, channel in meeting.lamps:
+                lamps += (_filled(margin) * free)[..., None] * lamp_in_view(channel)
+        return _filled(inside) * free, color, lamps
+
+    def _whole(
+        self, geometry: Geometry, pad: int, parts: np.ndarray, turn: Float[np.ndarray, "3 3"]
+    ) -> bool:
+        """Whether one piece shows all of a bare pad, nowhere flatter than its design counts."""
+        pieces, (ahead, above, _) = geometry.pieces, geometry.bodies.along[pad] @ turn
+        rays = np.exp(1j * geometry.limits[pad, parts])
+        steep = np.abs(np.imag(np.conj(rays) * complex(ahead, above))).min(axis=1)
+        whole = (pieces.start_label[pad, parts] == FIRST_PAD_END) & (
+            pieces.end_label[pad, parts] == SECOND_PAD_END
+        )
+        return bool((whole & (steep >= self._steep[pad])).any())
 
     def _defocus(self, ends: Float[np.ndarray, "2 2"]) -> float:
         """Radius of the disc over which a view is spread, that of its middle, px; 0 if sharp."""
@@ -315,6 +345,35 @@ class Renderer:
         distance = max(float(np.hypot(*ends.mean(axis=0))), 1.0)
         radius = self._effects.defocus * abs(1 / distance - 1 / FOCUS)
         return radius if radius > SHARPEST else 0.0
+
+    def _placed(
+        self, axes: tuple[np.ndarray, np.ndarray], body: SpatialPad, pad: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """A membrane's ends in the section, and places about what is seen, in mirrored axes, mm."""
+        turn, shift = axes
+        (length, width), plates = body.size, self._plates[GREEN][pad]
+        edges, height = ((0.0, length), (-width / 2, width / 2)), 0.0
+        if plates is not None:
+            edges, height = plates.opening, plates.top
+        elif self._effects.strips:
+            beside = margin_beside(self._effects)
+            edges = tuple((first - beside, last + beside) for first, last in edges)
+        share = np.linspace(0, 1, AROUND)
+        (u0, u1), (v0, v1) = edges
+        u, v = u0 + share * (u1 - u0), v0 + share * (v1 - v0)
+        sides = [(u, v0), (u, v1), (u0, v), (u1, v)]
+        places = np.concatenate([np.stack(np.broadcast_arrays(*one), -1) for one in sides])
+        start = body.start - shift
+        around = start + places @ np.stack([body.along, body.across]) + height * body.normal
+        ends = np.stack([start, start + length * body.along])
+        return (ends @ turn)[:, :2], np.asarray(around @ turn)
+
+    def _bending(self, mirrors: SpatialMirror, word: Sequence[int]) -> float:
+        """By how much bowed mirrors may move what is seen in them, px."""
+        if mirrors.bow is None or not word:
+            return 0.0
+        turned = sum(4 * abs(mirrors.bow[i]) / mirrors.half[i] for i in word)
+        return float(turned * self._focal)
 
     def _look(self, pad: int, imprints: tuple[Imprint, ...]) -> PadAppearance:
         if (pad, imprints) not in self._looks:
@@ -328,19 +387,31 @@ class Renderer:
                 imprints,
                 brightness=1 - self._effects.dim_outer if outer else 1.0,
                 seed=(self._seed, 2, pad),
+                body=self._clear_body(pad),
             )
         return self._looks[pad, imprints]
+
+    def _clear_body(self, pad: int) -> ClearBody | None:
+        plates = self._plates[GREEN][pad]
+        if plates is None:
+            return None
+        first = plates.plates[0]
+        walls = {LAMPS[0][0]: first.kinds[0][0]}
+        walls |= dict(zip(LAMPS[1], first.kinds[1], strict=True))
+        guides = tuple(walls[channel] == "clear" for channel in range(len(CHANNELS)))
+        return ClearBody(plates.top, first.refraction, guides, plates.mirrored)
 
     def _vignetting(self) -> Float[np.ndarray, "rows columns"] | None:
         if not self._effects.vignetting:
             return None
         # The cosine of the angle from the axis.
-        forward = np.cos(self._angle) / np.sqrt(1 + self._slope**2)
+        rays = self._rays[len(self._rays) // 2]
+        forward = rays.ahead / np.sqrt(1 + rays.slope**2)
         return 1 - np.float32(self._effects.vignetting) * (1 - np.maximum(forward, 0))
 
     def _finger_inside(self) -> Float[np.ndarray, "rows columns 3"]:
         """What the finger's inside sends: nothing, or light of leaks and lamps, in blotches."""
-        shape = self._angle.shape
+        shape = self._rays[0].ahead.shape
         inside = np.zeros((*shape, 3), np.float32)
         if not self._effects.ambient and not self._effects.walls:
             return inside
@@ -357,15 +428,24 @@ class Renderer:
             inside = inside * self._lit[..., None]
         return inside if self._vignette is None else inside * self._vignette[..., None]
 
-    def _window(
-        self, around: Float[np.ndarray, "places 2"], behind: bool, radius: float
-    ) -> tuple[slice, slice]:
+    def _window(self, around: Float[np.ndarray, "places 3"], spare: float) -> tuple[slice, slice]:
         """The part of the image that holds a view; all of it for one that passes the camera."""
-        rows, columns = self._angle.shape
-        if behind:
+        rows, columns = self._inside.shape[:2]
+        # Only these image what is behind them elsewhere than where it lies.
+        pinhole = isinstance(self.imaging.camera.projection, Pinhole | Orthographic)
+        if pinhole and (around[:, 0] <= 0).any():
             return slice(0, rows), slice(0, columns)
-        low = np.floor(around.min(axis=0) - radius) - BORDER
-        high = np.ceil(around.max(axis=0) + radius) + BORDER + 1
+        ahead, above, across = around.T
+        off = np.maximum(np.hypot(above, across), 1e-9)
+        angle = np.arctan2(off, ahead)
+        if self._pupil is not None:
+            for _ in range(PUPIL_STEPS):
+                angle = np.arctan2(off, ahead - angle**2 * np.polyval(self._pupil[::-1], angle**2))
+        radius = np.interp(angle, *self._radii)
+        middle = np.array([columns, rows])[:, None] / 2 - CENTER
+        places = middle + radius / off * np.stack([across, -above])
+        low = np.floor(places.min(axis=1) - spare) - BORDER
+        high = np.ceil(places.max(axis=1) + spare) + BORDER + 1
         left, right = np.clip([low[0], high[0]], 0, columns).astype(int)
         top, bottom = np.clip([low[1], high[1]], 0, rows).astype(int)
         # A gradient needs two pixels each way.
@@ -373,52 +453,9 @@ class Renderer:
         return slice(top, max(bottom, top + 2)), slice(left, max(right, left + 2))
 
 
-@eqx.filter_jit
-def _geometry(
-    scene: Scene,
-    imaging: Imaging,
-    angles: Float[Array, " joints"],
-    width: Float[Array, ""],
-    beside: Float[Array, ""],
-    lateral: Float[Array, ""],
-    field_of_view: Float[Array, ""],
-) -> _Geometry:
-    # Corners of the image look beyond the field of view, which is that of the image line.
-    wide = eqx.tree_at(lambda scene: scene.camera.field_of_view, scene, field_of_view)
-    pieces = find_views(wide, angles).value
-    outlines = find_outlines(scene, angles)
-    around, behind = _places(imaging, outlines, beside, lateral)
-    return _Geometry(
-        pieces,
-        wide.camera.angle(pieces.pixels),
-        outlines.ends(),
-        find_corners(imaging, outlines, width, lateral),
-        around,
-        behind,
-    )
-
-
-def _places(
-    imaging: Imaging, outlines: Outlines, width: Float[Array, ""], lateral: Float[Array, ""]
-) -> tuple[Float[Array, "paths pads places 2"], Bool[Array, "paths pads"]]:
-    """Where a lattice of places of every pad is imaged, and whether any is behind a pinhole."""
-    ends = outlines.ends()
-    share = jnp.linspace(0.0, 1.0, ALONG_SIDE, dtype=ends.dtype)
-    first, last = ends[..., :1, :], ends[..., 1:, :]
-    line = first + share[None, None, :, None] * (last - first)
-    distance = jnp.linalg.norm(line, axis=-1)[..., None]
-    angle = jnp.arctan2(line[..., 1], line[..., 0])[..., None]
-    slope = ((share - 0.5) * width - lateral)[None, None, None] / distance
-    places = imaging.place(jnp.broadcast_to(angle, slope.shape), slope)
-    # Only these image what is behind them elsewhere than where it lies.
-    pinhole = isinstance(imaging.camera.projection, Pinhole | Orthographic)
-    behind = jnp.any(line[..., 0] <= 0, axis=-1) & pinhole
-    return places.reshape(*ends.shape[:2], -1, 2), behind
-
-
 def _laid(
     light: Float[np.ndarray, "rows columns 3"],
-    shown: Float[np.ndarray, "rows columns"],
+    shown: Float[np.ndarray, "rows columns channels"],
     color: Float[np.ndarray, "rows columns 3"],
     lamps: Float[np.ndarray, "rows columns 3"] | None,
     radius: float,
@@ -429,25 +466,13 @@ def _laid(
         disc = np.clip(radius + 0.5 - np.hypot(reach[:, None], reach), 0, 1)
         disc /= disc.sum()
         # Places that a view fills in part count for its colour by that part.
-        color = cv2.filter2D(shown[..., None] * color, -1, disc)
-        shown = cv2.filter2D(shown, -1, disc)
-        color /= np.maximum(shown, 1e-6)[..., None]
+        color = cv2.filter2D(shown * color, -1, disc)
+        shown = cv2.filter2D(shown, -1, disc).reshape(shown.shape)
+        color /= np.maximum(shown, 1e-6)
         lamps = None if lamps is None else cv2.filter2D(lamps, -1, disc)
-    light += shown[..., None] * (color - light)
+    light += shown * (color - light)
     if lamps is not None:
         light += lamps
-
-
-def _grazing(ends: Float[np.ndarray, "2 2"]) -> float:
-    """The flattest angle at which a whole pad is seen, rad: at one of its ends."""
-    along = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0]))
-    rays = ends / np.hypot(*ends.T)[:, None]
-    return float(np.arcsin(np.abs(rays[:, 0] * along[1] - rays[:, 1] * along[0])).min())
-
-
-def _turn(angle: Float[np.ndarray, "rows columns"]) -> Float[np.ndarray, "rows columns"]:
-    """An angle by which to turn, from −π to π."""
-    return angle - 2 * np.pi * np.round(angle / (2 * np.pi))
 
 
 def _filled(inside: Float[np.ndarray, "rows columns"]) -> Float[np.ndarray, "rows columns"]:

@@ -108,17 +108,19 @@ class Imaging(eqx.Module):
         up, across = (np.arange(count) - (count / 2 - CENTER) for count in (rows, columns))
         return np.hypot(up[:, None], across) <= edge * focal
 
-    def ray_map(self) -> Float[np.ndarray, "rows columns 2"]:
-        """`ray` of every pixel's middle, as float32.
+    def ray_map(self, scale: float = 1.0) -> Float[np.ndarray, "rows columns 2"]:
+        """`ray` of every pixel's middle, as float32, of an image that is larger by a factor.
 
         The lens is inverted at radii from the middle to the corner and interpolated between them.
         """
-        return np.asarray(_ray_map(self, *self.shape), np.float32)
+        return np.asarray(_ray_map(self, *self.shape, jnp.asarray(scale)), np.float32)
 
 
 @eqx.filter_jit
-def _ray_map(imaging: Imaging, rows: int, columns: int) -> Float[Array, "rows columns 2"]:
-    focal = imaging.camera.focal_pixels
+def _ray_map(
+    imaging: Imaging, rows: int, columns: int, scale: Float[Array, ""]
+) -> Float[Array, "rows columns 2"]:
+    focal = scale * imaging.camera.focal_pixels
     radii = jnp.linspace(0.0, math.hypot(rows, columns) / 2, RADII, dtype=focal.dtype)
     angles = imaging.camera.projection.angle(radii / focal)
     across = (jnp.arange(columns, dtype=focal.dtype) - (columns / 2 - CENTER))[None, :]

@@ -25,8 +25,6 @@ from optics import (
     parse_scene,
     trace_views,
 )
-from optics.rendering.effects import Effects
-from optics.rendering.renderer import Renderer
 from optics.visibility import boundary_codes as codes
 from optics.visibility.outlines import CORNERS
 from optics.visibility.refraction import least_grazing, transmission
@@ -455,8 +453,6 @@ def test_what_does_not_look_through_layers_refuses_them():
     layered = scene(ACRYLIC)
     with pytest.raises(ValueError, match="layers"):
         trace_views(layered, NO_ANGLES)
-    with pytest.raises(UserError, match="synthetic images"):
-        Renderer(layered, 20.0, Effects())
     curved = tables(ACRYLIC)
     curved["mirrors"][0] |= {"radius": 100.0}
     with pytest.raises(UserError, match="curved mirrors"):

@@ -151,11 +151,6 @@ def test_a_moving_pupil_is_written_and_read_again():
     np.testing.assert_array_equal(again.camera.pupil_shift, SHIFT)
 
 
-def test_synthetic_images_refuse_a_moving_pupil():
-    with pytest.raises(UserError, match="leave out 'pupil_shift'"):
-        Renderer(scene(), 20.0, Effects())
-
-
 def test_random_sheets_show_what_rays_show():
     check_structure(14, 40, layers=False)
 

@@ -9,11 +9,13 @@ from optics.rendering.pads import (
     BRIGHT,
     CORRELATION,
     ELEVATION,
+    FAR,
     GAP,
     GREEN,
     LAMP,
     MARGIN,
     STEP,
+    ClearBody,
     lamp_distance,
 )
 
@@ -127,26 +129,25 @@ def test_an_imprint_changes_nothing_where_the_pad_is_flat():
 
 
 def test_a_slope_is_lit_by_the_cosine_law():
-    # Faces at 45° that look to greater columns, to smaller ones, and to the first end.
-    toward = np.array([np.cos(ELEVATION), np.sin(ELEVATION)])
-    faces = {"to the light": (1, 1), "away": (-1, 1), "along": (0, 1)}
-    shares = {
-        name: max(0.0, float(np.dot(toward, face))) / np.sqrt(2) / np.sin(ELEVATION)
-        for name, face in faces.items()
-    }
+    # Faces at 45° that look to greater columns, to smaller ones, and to the first end, under lights
+    # so far beyond the edges.
+    def share(toward: int, edge: float) -> float:
+        light = np.array([FAR + edge, FAR * np.tan(ELEVATION)])
+        return max(0.0, float(light @ [toward, 1])) / np.sqrt(2) / light[1]
+
     across = make_pad_appearance(
         LENGTH, WIDTH, Effects(), [Imprint("edge", 7.0, 0.0, 1.5, turn=np.pi / 2)]
     )
     at = np.array([[0.75, -0.75]], np.float32)
     light, _ = across.sample(np.full_like(at, 7.0), at)
-    red, blue, green = shares["to the light"], shares["away"], GREEN * shares["along"]
+    red, blue, green = share(1, WIDTH / 2 - 0.75), share(-1, WIDTH / 2), GREEN * share(0, 7.0)
     wanted = BRIGHT * np.array([[red, green, blue], [blue, green, red]])
     np.testing.assert_allclose(light[0], wanted, atol=1e-3)
     along = make_pad_appearance(LENGTH, WIDTH, Effects(), [Imprint("edge", 7.0, 0.0, 1.5)])
     light, _ = along.sample(7.0 - at, np.zeros_like(at))
-    sides = shares["along"]
+    sides = share(0, WIDTH / 2)
     wanted = BRIGHT * np.array(
-        [[sides, GREEN * shares["to the light"], sides], [sides, GREEN * shares["away"], sides]]
+        [[sides, GREEN * share(1, 6.25), sides], [sides, GREEN * share(-1, 7.75), sides]]
     )
     np.testing.assert_allclose(light[0], wanted, atol=1e-3)
 
@@ -225,3 +226,35 @@ def test_lamps_in_view_are_clipped_strips_beside_the_pad():
         assert light[strip, color].max() == pytest.approx(LAMP)
     assert look.sample_lamps(np.full((1, 801), -0.5), across[None]).max() == 0
     assert make_pad_appearance(LENGTH, WIDTH, Effects()).lamps is None
+
+
+def test_light_through_an_air_gap_is_guided_to_the_membrane():
+    # Rays that fall on a wall from all sides, within it to both sides of its normal, followed to
+    # where they first meet the membrane, by where they have started.
+    thickness, index = 4.0, 1.49
+    body = ClearBody(thickness, index, (True, False, True), ((False, False), (False, False)))
+    look = make_pad_appearance(LENGTH, WIDTH, Effects(lamps=4.0), body=body)
+    angles = np.arcsin((np.arange(1, 2000, 2) / 2000) / index)  # evenly by the sine: Lambert
+    heights = (np.arange(400) + 0.5) / 400 * thickness
+    angle, height = np.meshgrid(angles, heights)
+    lands = np.concatenate(
+        [(height / np.tan(angle)).ravel(), ((2 * thickness - height) / np.tan(angle)).ravel()]
+    )
+    count, edges = np.histogram(lands, np.arange(0, WIDTH + 1))
+    direct = count / count[0]
+    wanted = (direct + direct.mean()) / (1 + direct.mean())
+    middles = (WIDTH / 2 - (edges[1:] + edges[:-1]) / 2).astype(np.float32)[None]
+    light, _ = look.sample(np.full_like(middles, LENGTH / 2), middles)
+    np.testing.assert_allclose(light[0, :, 0] / BRIGHT, wanted, rtol=0.02)
+    np.testing.assert_array_equal(
+        look.light[..., 1], make_pad_appearance(LENGTH, WIDTH, Effects(lamps=4.0)).light[..., 1]
+    )
+
+
+def test_edges_that_clear_walls_mirror_bound_nothing():
+    body = ClearBody(3.0, 1.49, (False, False, False), ((True, False), (False, True)))
+    inside = make_pad_appearance(LENGTH, WIDTH, Effects(), body=body).inside
+    along, across = grid()
+    wanted = np.minimum(LENGTH - along, across + WIDTH / 2)
+    open_ = wanted > 0
+    np.testing.assert_allclose(inside[open_], wanted[open_], atol=ROUNDING)
