@@ -9,7 +9,6 @@ from optics.rendering.pads import (
     BRIGHT,
     CORRELATION,
     ELEVATION,
-    FAR,
     GAP,
     GREEN,
     LAMP,
@@ -129,25 +128,26 @@ def test_an_imprint_changes_nothing_where_the_pad_is_flat():
 
 
 def test_a_slope_is_lit_by_the_cosine_law():
-    # Faces at 45° that look to greater columns, to smaller ones, and to the first end, under lights
-    # so far beyond the edges.
-    def share(toward: int, edge: float) -> float:
-        light = np.array([FAR + edge, FAR * np.tan(ELEVATION)])
-        return max(0.0, float(light @ [toward, 1])) / np.sqrt(2) / light[1]
-
+    # Faces at 45° that look to greater columns, to smaller ones, and to the first end.
+    toward = np.array([np.cos(ELEVATION), np.sin(ELEVATION)])
+    faces = {"to the light": (1, 1), "away": (-1, 1), "along": (0, 1)}
+    shares = {
+        name: max(0.0, float(np.dot(toward, face))) / np.sqrt(2) / np.sin(ELEVATION)
+        for name, face in faces.items()
+    }
     across = make_pad_appearance(
         LENGTH, WIDTH, Effects(), [Imprint("edge", 7.0, 0.0, 1.5, turn=np.pi / 2)]
     )
     at = np.array([[0.75, -0.75]], np.float32)
     light, _ = across.sample(np.full_like(at, 7.0), at)
-    red, blue, green = share(1, WIDTH / 2 - 0.75), share(-1, WIDTH / 2), GREEN * share(0, 7.0)
+    red, blue, green = shares["to the light"], shares["away"], GREEN * shares["along"]
     wanted = BRIGHT * np.array([[red, green, blue], [blue, green, red]])
     np.testing.assert_allclose(light[0], wanted, atol=1e-3)
     along = make_pad_appearance(LENGTH, WIDTH, Effects(), [Imprint("edge", 7.0, 0.0, 1.5)])
     light, _ = along.sample(7.0 - at, np.zeros_like(at))
-    sides = share(0, WIDTH / 2)
+    sides = shares["along"]
     wanted = BRIGHT * np.array(
-        [[sides, GREEN * share(1, 6.25), sides], [sides, GREEN * share(-1, 7.75), sides]]
+        [[sides, GREEN * shares["to the light"], sides], [sides, GREEN * shares["away"], sides]]
     )
     np.testing.assert_allclose(light[0], wanted, atol=1e-3)
 
