@@ -12,7 +12,7 @@ from jaxtyping import Float
 from perception.blobs import join_halves, stable_blobs
 from perception.images import checked_image
 from perception.lens import Lens
-from perception.masks import Gray, Mask, brightness, lamp_mask, without_lamps
+from perception.masks import CLIPPED, Gray, Mask, brightness, global_mask, lamp_mask, without_lamps
 from perception.matching import Sighting, ViewCatalog, match_views
 from perception.quads import Quad, fit_quad, follow_quad
 from perception.quality import Quality
@@ -64,14 +64,16 @@ class _Light(NamedTuple):
 
     Attributes:
         codes: brightest color of every pixel, 8 bits.
-        brightest: light of that color, lamps in view left out.
-        green: light in green, likewise; ``None`` if the image has one channel.
-        lamps: where lamps are in view.
+        brightest: light of that color.
+        green: light in green; ``None`` if the image has one channel.
+        clipped: where any color is as bright as it can be.
+        lamps: lamps in view.
     """
 
     codes: Gray
     brightest: Float[np.ndarray, "rows columns"]
     green: Float[np.ndarray, "rows columns"] | None
+    clipped: Mask
     lamps: Mask
 
     @classmethod
@@ -83,11 +85,11 @@ class _Light(NamedTuple):
         """
         picture = checked_image(image, channels=(1, 3), like=("what the lens images", lens.shape))
         gray = brightness(picture) if picture.ndim == 3 else picture
-        lamps, green = lamp_mask(picture, gray), None
+        green = None
         if picture.ndim == 3:
-            green = np.ascontiguousarray(picture[..., CHANNEL])
-            green = lens.light(without_lamps(green, lamps, 0))
-        return cls(gray, lens.light(without_lamps(gray, lamps, 0)), green, lamps)
+            green = lens.light(np.ascontiguousarray(picture[..., CHANNEL]))
+        clipped, lamps = global_mask(gray, CLIPPED - 1), lamp_mask(picture, gray)
+        return cls(gray, lens.light(gray), green, clipped, lamps)
 
     def quads(self, lens: Lens) -> list[Quad]:
         """All quadrilaterals, from the image's top to its bottom."""
@@ -105,12 +107,12 @@ class _Light(NamedTuple):
             about: what that takes: a contour or corners.
         """
         if self.green is None:
-            return fit(self.brightest, lens, about, self.lamps)
-        quad = fit(self.green, lens, about, self.lamps)
+            return fit(self.brightest, lens, about, self.clipped)
+        quad = fit(self.green, lens, about, self.clipped)
         bright = quad is not None and quad.contrast >= GREEN_CONTRAST
         if quad is not None and bright and quad.quality is Quality.COMPLETE:
             return quad
-        other = fit(self.brightest, lens, about, self.lamps)
+        other = fit(self.brightest, lens, about, self.clipped)
         if other is None:
             return quad
         return replace(other, covariance=other.covariance + COLOR_DOUBT**2 * np.eye(2))

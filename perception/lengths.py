@@ -78,29 +78,38 @@ def measured_skew(quad: Quad, width: float) -> tuple[float, float]:
     return float(max(turns)), float(abs(middles[1] - middles[0]))
 
 
-def shortened(quad: Quad, width: float, length: float, lens: Lens, kept: int) -> Quad:
+def shortened(
+    quad: Quad, width: float, extent: Float[np.ndarray, "2"], lens: Lens, kept: int
+) -> Quad:
     """A view that another one has made too long, ended where the pad's known length ends.
 
     Args:
         quad: the view.
         width: of the pad across the section, mm.
-        length: of the pad, mm.
+        extent: length of the pad as this view shows it, and its standard deviation, mm.
         lens: of the camera.
         kept: which end is the pad's own: 0 the lower, 1 the upper.
     """
-    long, deviation = measured_length(quad, width, lens)
+    length, of_finger = extent.tolist()
+    long, of_corners = measured_length(quad, width, lens)
     ends = _ends(quad.rays, width)
-    end = ends[kept] + length / long * (ends[1 - kept] - ends[kept])
     distances = np.hypot(*ends.T)
-    rays, covariance = quad.rays.copy(), quad.covariance.copy()
-    for own, other in zip(ENDS[kept], ENDS[1 - kept], strict=True):
-        # A side is as far from the section's plane at both ends.
-        beside = (rays[own, 1] * distances[kept] + rays[other, 1] * distances[1 - kept]) / 2
-        rays[other] = np.arctan2(end[1], end[0]), beside / np.hypot(*end)
-    corners = lens.project(rays)
-    per_mm = np.abs(corners[1, 1] - corners[0, 1]) / length
+
+    def ended(length: float) -> Float[np.ndarray, "4 2"]:
+        end = ends[kept] + length / long * (ends[1 - kept] - ends[kept])
+        rays = quad.rays.copy()
+        for own, other in zip(ENDS[kept], ENDS[1 - kept], strict=True):
+            # A side is as far from the section's plane at both ends.
+            beside = rays[own, 1] * distances[kept] + rays[other, 1] * distances[1 - kept]
+            rays[other] = np.arctan2(end[1], end[0]), beside / 2 / np.hypot(*end)
+        return rays
+
+    rays = ended(length)
+    corners, covariance = lens.project(rays), quad.covariance.copy()
+    deviation = float(np.hypot(of_corners, of_finger))
+    moved = lens.project(ended(length + deviation)) - corners
     for other in ENDS[1 - kept]:
-        covariance[other, 1, 1] += (per_mm * deviation) ** 2
+        covariance[other] += np.outer(moved[other], moved[other])
     return replace(quad, rays=rays, corners=corners, covariance=covariance)
 
 

@@ -12,10 +12,13 @@ CLIPPED = 245
 BROADEST = 60 / 1080
 """Lamps in view are less broad than this share of the image's height, and longer than broad."""
 
-RIM, STEEP, STEEPER = 4, 30.0, 2.5
+RIM, STEEP, STEEPER = 4, 18.0, 2.5
 """Within so many pixels from a lamp, which is more than the lens blurs, the mean channel falls by
 more than that, and so many times as much as from there to twice as far: light of a lamp on a pad
 falls gradually."""
+
+DIMMER = 60
+"""A lamp's mean channel is less than this below that of what is beside it."""
 
 Image = UInt8[np.ndarray, "rows columns 3"]
 Gray = UInt8[np.ndarray, "rows columns"]
@@ -33,24 +36,29 @@ def brightness(image: Image) -> Gray:
 
 
 def lamp_mask(image: Image | Gray, gray: Gray) -> Mask:
-    """Lamps in view: clipped strips along the section, which end steeply to both sides.
+    """Lamps in view: clipped strips along or across the section, which end steeply to both sides.
 
     Args:
         image: red, green and blue, or one channel; beside a lamp the pad may be clipped in the
             lamp's own color, and then only the others show the step.
         gray: its brightness.
     """
-    rows = len(gray)
-    mask = np.zeros_like(gray)
     clipped = global_mask(gray, CLIPPED - 1)
     if not clipped.any():
-        return mask
-    broad = np.ones((1, round(BROADEST * rows) | 1), np.uint8)
+        return clipped
+    broadest = round(BROADEST * len(gray)) | 1
+    across = _upright_strips(cv2.transpose(image), cv2.transpose(clipped), broadest)
+    return cv2.bitwise_or(_upright_strips(image, clipped, broadest), cv2.transpose(across))
+
+
+def _upright_strips(image: Image | Gray, clipped: Mask, broadest: int) -> Mask:
+    """Those of the clipped strips that are higher than broad, and end steeply to left and right."""
+    mask, broad = np.zeros_like(clipped), np.ones((1, broadest), np.uint8)
     if image.ndim == 3:
         # Beside a lamp its own color may be clipped on the pad, too.
         mean = cv2.transform(image, np.full((1, 3), 1 / 3))
-        most = cv2.subtract(cv2.dilate(mean, broad), np.full_like(mean, 2 * STEEP))
-        clipped &= cv2.compare(mean, most, cv2.CMP_GE)
+        most = cv2.subtract(cv2.dilate(mean, broad), np.full_like(mean, DIMMER))
+        clipped = cv2.bitwise_and(clipped, cv2.compare(mean, most, cv2.CMP_GE))
     strips = cv2.subtract(clipped, cv2.morphologyEx(clipped, cv2.MORPH_OPEN, broad))
     count, labels, boxes, _ = cv2.connectedComponentsWithStats(strips)
     for one in range(1, count):
@@ -90,8 +98,9 @@ def without_lamps(gray: Gray, lamps: Mask, margin: int) -> Gray:
     if not lamps.any():
         return gray
     grown = cv2.dilate(lamps, np.ones((2 * margin + 1,) * 2, np.uint8))
-    broad = cv2.getStructuringElement(cv2.MORPH_RECT, (2 * round(BROADEST * len(gray)) | 1, 1))
-    return np.where(grown > 0, cv2.erode(gray, broad), gray)
+    size = 2 * round(BROADEST * len(gray)) | 1
+    box = cv2.getStructuringElement(cv2.MORPH_RECT, (size, size))
+    return np.where(grown > 0, cv2.erode(gray, box), gray)
 
 
 def global_mask(gray: Gray, threshold: float) -> Mask:

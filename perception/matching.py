@@ -53,6 +53,15 @@ NEIGHBOR = 20.0
 LONGER = 0.15
 """A view that is longer by no more than this share has run into what is beside it."""
 
+FOUND = (Quality.COMPLETE, Quality.CLIPPED)
+"""Views with these qualities are not looked for again."""
+
+UNSURE = 8.0
+"""Where an end is known to no better than so many pixels (of 1080 rows), the view may be cut."""
+
+FAINTER = 0.6
+"""Sides are looked for again, and one that is fainter by this than before is another edge."""
+
 
 @dataclass(frozen=True)
 class ViewFamily:
@@ -259,7 +268,7 @@ def match_views(
         if i in assigned:
             quad = search.mended(i, best[i], quads[assigned[i]])
             view = _found(catalog, i, best[i], quad, lens, shift)
-        if expected and (view is None or view.quality is not Quality.COMPLETE):
+        if expected and (view is None or view.quality not in FOUND):
             other = search.complete(i, best[i], _expected(family, best[i], shift))
             if other is not None:
                 view = _found(catalog, i, best[i], other, lens, shift)
@@ -290,21 +299,43 @@ class _Search(NamedTuple):
     lens: Lens
     follow: Callable[[Float[np.ndarray, "4 2"]], Quad | None]
 
-    def complete(self, index: int, value: int, start: Float[np.ndarray, "4 2"]) -> Quad | None:
-        """A complete view whose corners are expected at given places, if it is there."""
+    def complete(
+        self,
+        index: int,
+        value: int,
+        start: Float[np.ndarray, "4 2"],
+        found: Iterable[Quad] = (),
+    ) -> Quad | None:
+        """A complete view whose corners are expected at given places, if it is there.
+
+        Args:
+            index: of the view.
+            value: of its joint, by index.
+            start: the places.
+            found: what is there already, but not complete: much fainter sides are none of it.
+        """
         quad = self.follow(start) if np.isfinite(start).all() else None
+        there = (one.contrast for one in found if one.quality is Quality.COMPLETE)
         # Edges are found in noise, too, but not in a line.
-        if quad is None or quad.scatter >= STRAIGHT:
+        if (
+            quad is None
+            or quad.scatter >= STRAIGHT
+            or quad.contrast < FAINTER * max(there, default=0)
+        ):
             return None
         judged = _judged(self.catalog, index, value, quad, self.lens)
         return quad if judged.quality is Quality.COMPLETE else None
 
     def clearest(
-        self, index: int, value: int, starts: Iterable[Float[np.ndarray, "4 2"]]
+        self,
+        index: int,
+        value: int,
+        starts: Iterable[Float[np.ndarray, "4 2"]],
+        found: Sequence[Quad] = (),
     ) -> Quad | None:
         """Of the complete views from several starts the one whose faintest side is clearest."""
-        found = [self.complete(index, value, start) for start in starts]
-        there = [quad for quad in found if quad is not None]
+        quads = [self.complete(index, value, start, found) for start in starts]
+        there = [quad for quad in quads if quad is not None]
         return max(there, key=lambda quad: quad.contrast, default=None)
 
     def mended(self, index: int, value: int, quad: Quad) -> Quad:
@@ -312,8 +343,8 @@ class _Search(NamedTuple):
         catalog, lens = self.catalog, self.lens
         if _judged(catalog, index, value, quad, lens).quality is not Quality.MERGED:
             return quad
-        length = float(catalog.families[index].extent[value, 0])
-        starts = (shortened(quad, catalog.width, length, lens, kept).corners for kept in range(2))
+        extent = catalog.families[index].extent[value]
+        starts = (shortened(quad, catalog.width, extent, lens, kept).corners for kept in range(2))
         return self.clearest(index, value, starts) or quad
 
     def still(self, quads: Sequence[Quad], cap: float) -> Iterator[Quad]:
@@ -334,7 +365,7 @@ class _Search(NamedTuple):
                 reach = AGREEING * float(family.spread[0].max())
                 rows = np.arange(-reach, reach + 1, STEP)
                 starts = (_expected(family, 0, np.array([0.0, row])) for row in rows)
-                quad = self.clearest(index, 0, starts)
+                quad = self.clearest(index, 0, starts, near)
             if quad is not None:
                 yield quad
 
@@ -454,14 +485,15 @@ def _judged(catalog: ViewCatalog, index: int, value: int, quad: Quad, lens: Lens
     deviation = math.hypot(of_corners, of_finger)
     allowed = LENGTH_SHARE * wanted + LENGTH_DEVIATIONS * deviation
     short = allowed if whole.min() == 1 else DOUBTED_DEVIATIONS * deviation
-    if whole.max() == 0 or length < wanted - short:
+    unsure = math.sqrt(quad.covariance[:, 1, 1].max()) > UNSURE * lens.shape[0] / 1080
+    if whole.max() == 0 or length < wanted - short or unsure:
         return replace(quad, quality=Quality.CLIPPED)
     beside = _beside(catalog.families, index, value, quad, NEIGHBOR * lens.shape[0] / 1080)
     if length <= wanted + (allowed if beside is None else DOUBTED_DEVIATIONS * deviation):
         return quad
     if beside is None or length > (1 + LONGER) * wanted + allowed:
         return replace(quad, quality=Quality.MERGED)
-    return shortened(quad, catalog.width, wanted, lens, 1 - beside)
+    return shortened(quad, catalog.width, family.extent[value], lens, 1 - beside)
 
 
 def _around(value: int) -> slice:

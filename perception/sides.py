@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from perception.lens import Lens, TangentPlane
-from perception.masks import Mask
+from perception.masks import CLIPPED, Mask
 from perception.sampling import sampled
 
 POINTS = 48
@@ -53,13 +53,17 @@ WIDER, GRADUAL = 1.5, 0.75
 """An edge more than so many times as wide as those of most sides is doubted by this part of the
 rest of its width."""
 
-BESIDE, LIT, BLOOM = 3, 0.2, 2.0
-"""Where a lamp is within so many pixels of more than a part of a side's edges, these are where
-brightness rises to the lamp's; where it is clipped they are doubted by so many pixels."""
+RISE, BRIGHTENED, STEEPER, NEAR = 10.0, 1.2, 2.5, 4
+"""Within twice so many samples light rises to a lamp beside a pad by so many codes and times, and
+by so many times as much as just before: on a pad it changes gradually."""
 
-VALLEY, RISE, CLIPPED = 0.9, 0.1, 255.0
-"""A gap between a pad and a lamp is darker than this share of the pad. A lamp begins where light
-has risen by this share of the way to where it is clipped."""
+LIT, VALLEY = 0.5, 0.9
+"""A lamp is beside more than this part of a side. A gap between it and the pad is darker than this
+share of the pad."""
+
+BLOOM, GLOW, COVERED = 2.0, 0.3, 10.0
+"""Edges beside a lamp are doubted by so many pixels, where it is clipped or hardly apart, where it
+is neither, and where it is at an end of the pad, of which it may cover a part."""
 
 ENDS, SCATTERED = 6, 4.0
 """Over this part of a side at each end its edges lie on its line, but for so many standard
@@ -153,16 +157,20 @@ def find_edges(
     lens: Lens,
     plane: TangentPlane,
     sides: list[Side],
-    lamps: Mask | None = None,
+    clipped: Mask | None = None,
 ) -> Edges:
     """The edges of all sides: where light first falls below half of its step outward.
 
+    Beside a lamp in view it rises instead, or falls to a gap before it.
+
     Args:
-        gray: light, float32, lamps in view being as dark as what is beside them.
+        gray: light, float32.
         lens: of the camera.
         plane: in which the sides are straight.
-        sides: where they are expected.
-        lamps: where lamps are in view, if any are.
+        sides: where they are expected, in the order of a `Quad`: the second and the last one are
+            its ends.
+        clipped: where the image is as bright as it can be in some color, if it is: lamps in view
+            are.
     """
     shares = np.linspace(TRIMMED, 1 - TRIMMED, POINTS)
     flat = np.concatenate([side.places(shares) for side in sides])
@@ -172,25 +180,31 @@ def find_edges(
     scale = np.maximum(np.hypot(*(beside - at).T) / SMALL, 1e-9)
     normal = (beside - at) / (SMALL * scale[:, None])
     reach = np.linspace(-REACH, REACH, SAMPLES)
-    places = at[:, None] + reach[:, None] * normal[:, None]
-    profile = sampled(gray, places)
-    profile = cv2.blur(profile, (3, 1), borderType=cv2.BORDER_REPLICATE)
+    step = reach[1] - reach[0]
+    longer = np.concatenate([reach[0] - step * np.arange(2 * NEAR, 0, -1), reach])
+    places = at[:, None] + longer[:, None] * normal[:, None]
+    long = cv2.blur(sampled(gray, places), (3, 1), borderType=cv2.BORDER_REPLICATE)
+    profile = long[:, 2 * NEAR :]
+    shape = (len(sides), POINTS)
     # A narrow view may end again within reach: the brightest quarter is surely inside.
-    inner, near = profile[:, : SAMPLES // 2 + 1], None
-    if lamps is not None and lamps.any():
-        square = np.ones((2 * BESIDE + 1,) * 2, np.uint8)
-        near = sampled(cv2.dilate(lamps, square), places) > 0
-        inner = np.where(near[:, : SAMPLES // 2 + 1], 0.0, inner)
+    inner = profile[:, : SAMPLES // 2 + 1]
     inside = np.quantile(inner, BRIGHTER, axis=1)
     outside = profile[:, SAMPLES // 2 :].min(axis=1)
+    lit, glow = np.zeros(len(flat), bool), np.zeros(len(flat))
+    if clipped is not None and clipped.any():
+        bright = sampled(clipped, places[:, 2 * NEAR :]) > 0
+        rise = _rises(long, lens, bright, _depths(sides, flat, outward) * scale)
+        lit = np.repeat((rise < SAMPLES).reshape(shape).mean(axis=1) > LIT, POINTS)
+        profile[lit], inside[lit], outside[lit], glow[lit] = _before_lamps(
+            profile[lit], lens, rise[lit]
+        )
+        # Where the lamp of such a side is not found, no edge is.
+        profile[lit & (rise == SAMPLES)] = 0
     start = SAMPLES // 2 - np.argmax(inner[:, ::-1] >= inside[:, None], axis=1)
-    if near is not None:
-        outside, profile = _before_lamps(profile, near, start, inside, outside)
     contrast = inside - outside
     crossings = [_falling(profile, start, inside - part * contrast) for part in (0.25, 0.5, 0.75)]
-    begins, middle, ends = (reach[0] + (reach[1] - reach[0]) * place for place, _ in crossings)
+    begins, middle, ends = (reach[0] + step * place for place, _ in crossings)
     found = np.all([there for _, there in crossings], axis=0)
-    shape = (len(sides), POINTS)
     width = _median((ends - begins).reshape(shape), found.reshape(shape))
     # Where a view is too thin, as at its acute corners, another side's edge is in the way.
     thick = np.repeat(FEET * width + REACH * (1 - BRIGHTER), POINTS)
@@ -198,19 +212,18 @@ def find_edges(
     beyond = np.stack([(inward - side.start) @ side.outward for side in sides])
     clear = (beyond < 0).all(axis=0)
     # Noise and steps of rounding are of much the same size in codes, bright or dark.
-    step = lens.codes(inside) - lens.codes(outside)
-    there = (found & clear & (step >= LEAST_CONTRAST)).reshape(shape)
-    dark = float(np.median(outside.reshape(shape), axis=1).min())
+    height = lens.codes(inside) - lens.codes(outside)
+    there = (found & clear & (height >= LEAST_CONTRAST)).reshape(shape)
+    dark = np.where(lit, inside, outside).reshape(shape)
+    dark = float(np.median(dark, axis=1).min())
     depth = contrast / np.maximum(inside - dark, 1.0)
     deep = _median(depth.reshape(shape), there)
     doubt = SEAM * np.maximum(DEEP - deep, 0.0)
     # Blur is much the same on all sides: a wider edge is a gradient of light, its half no edge.
     doubt = np.hypot(doubt, GRADUAL * np.maximum(width - WIDER * np.median(width), 0.0))
-    if near is not None:
-        sample = np.clip(np.rint((middle - reach[0]) / (reach[1] - reach[0])), 0, SAMPLES - 1)
-        lit = near[np.arange(len(flat)), sample.astype(int)].reshape(shape) & there
-        lit_share = lit.sum(axis=1) / np.maximum(there.sum(axis=1), 1)
-        doubt = np.where(lit_share > LIT, BLOOM, doubt)
+    glow = _median(glow.reshape(shape), there)
+    glow[1::2] = np.maximum(glow[1::2], COVERED)
+    doubt = np.where(lit.reshape(shape).any(axis=1), glow, doubt)
     return Edges(
         shares=shares,
         offsets=(middle / scale).reshape(shape),
@@ -218,8 +231,8 @@ def find_edges(
         found=there,
         contrast=np.where(
             there.any(axis=1),
-            _median(step.reshape(shape), there),
-            np.median(step.reshape(shape), axis=1),
+            _median(height.reshape(shape), there),
+            np.median(height.reshape(shape), axis=1),
         ),
         width=width,
         clear=clear.reshape(shape).mean(axis=1),
@@ -227,31 +240,69 @@ def find_edges(
     )
 
 
-def _before_lamps(
-    profile: Float[np.ndarray, "places samples"],
-    near: Bool[np.ndarray, "places samples"],
-    start: Int[np.ndarray, " places"],
-    inside: Float[np.ndarray, " places"],
-    outside: Float[np.ndarray, " places"],
-) -> tuple[Float[np.ndarray, " places"], Float[np.ndarray, "places samples"]]:
-    """How dark it becomes outside, and profiles without what is beyond the first light of a lamp.
+def _depths(
+    sides: list[Side],
+    places: Float[np.ndarray, "places 2"],
+    outward: Float[np.ndarray, "places 2"],
+) -> Float[np.ndarray, " places"]:
+    """How far it is inward from places on the sides to another side, tangent plane."""
+    off = np.stack([(side.start - places) @ side.outward for side in sides])
+    toward = np.stack([-outward @ side.outward for side in sides])
+    ahead = toward > 1e-9
+    return np.where(ahead, off / np.where(ahead, toward, 1.0), np.inf).min(axis=0)
 
-    A narrow gap between a pad and a lamp does not become dark: half of the way down to its floor is
-    its edge. Where there is no gap, brightness rises at the pad's edge.
+
+def _rises(
+    profile: Float[np.ndarray, "places longer"],
+    lens: Lens,
+    bright: Bool[np.ndarray, "places samples"],
+    depths: Float[np.ndarray, " places"],
+) -> Int[np.ndarray, " places"]:
+    """Where light first rises steeply outward, in samples; their number where it does not.
+
+    Args:
+        profile: of light, which begins so much before that of the edges as the rise is wide.
+        lens: of the camera.
+        bright: where it is clipped in some color: to there it rises.
+        depths: px to another side of the view, beyond which the edge of that may rise.
     """
-    counts = np.arange(profile.shape[1])
-    lit = np.any(near, axis=1, keepdims=True)
-    apart = round(BESIDE * (profile.shape[1] - 1) / (2 * REACH))
-    lamp = np.where(lit, np.argmax(near, axis=1)[:, None] + apart, 0)
-    between = (counts >= start[:, None]) & (counts <= lamp)
-    floor = np.where(between, profile, np.inf).min(axis=1)
-    gap = floor < VALLEY * inside
-    level = inside + RISE * (CLIPPED - inside)
-    risen = (profile > level[:, None]) & ~gap[:, None]
-    ends = (counts > start[:, None]) & (risen | (counts >= lamp))
-    beyond = np.maximum.accumulate(ends & lit, axis=1)
-    outside = np.where(gap, np.maximum(outside, floor), outside)
-    return outside, np.where(beyond, outside[:, None], profile)
+    earlier, before, behind = (
+        profile[:, 2 * NEAR * i :][:, : SAMPLES - 2 * NEAR] for i in range(3)
+    )
+    steep = behind > np.maximum(BRIGHTENED * before, before + STEEPER * (before - earlier))
+    inward = np.linspace(-REACH, REACH, SAMPLES)[: -2 * NEAR]
+    steep &= inward > 2.0 - depths[:, None]
+    steep &= bright[:, 2 * NEAR :]
+    steep[steep] = lens.codes(behind[steep]) - lens.codes(before[steep]) > RISE
+    first = np.argmax(steep, axis=1)
+    counts = np.arange(steep.shape[1])
+    near = (counts >= first[:, None]) & (counts <= first[:, None] + 2 * NEAR)
+    steepest = np.argmax(np.where(near, behind - before, -np.inf), axis=1)
+    return np.where(steep.any(axis=1), steepest + NEAR, SAMPLES)
+
+
+def _before_lamps(
+    profile: Float[np.ndarray, "places samples"], lens: Lens, rise: Int[np.ndarray, " places"]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Profiles beside lamps as those of edges: with light inside and outside, and what is doubted.
+
+    A gap between a pad and a lamp does not become dark: half of the way down to its floor is the
+    edge. Where there is no gap it is half of the way up to the lamp: what rises is turned over.
+    """
+    rise = np.minimum(rise, SAMPLES - NEAR - 1)
+    rows, counts = np.arange(len(profile)), np.arange(SAMPLES)
+    first = rise - NEAR
+    floor, later = profile[rows, first], counts > first[:, None]
+    before = np.where(later, 0.0, profile)
+    gap = floor < VALLEY * before.max(axis=1)
+    lamp = later & (counts <= rise[:, None] + 2 * NEAR)
+    peak = np.where(lamp, profile, 0.0).max(axis=1)
+    risen = np.minimum(np.maximum.accumulate(np.where(later, profile, 0.0), axis=1), peak[:, None])
+    turned = np.where(gap[:, None], floor[:, None], 2 * floor[:, None] - risen)
+    inside = np.where(gap, before.max(axis=1), floor)
+    outside = np.where(gap, floor, 2 * floor - peak)
+    clipped = lens.codes(peak) >= CLIPPED
+    return np.where(later, turned, profile), inside, outside, np.where(clipped | gap, BLOOM, GLOW)
 
 
 def _falling(

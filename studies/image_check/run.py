@@ -56,6 +56,9 @@ SURE = 5.0
 FAR_PX = 3.0
 """A corner that is off by less is not wrong, however sure it is."""
 
+FLAT = 1e-3
+"""mm: a membrane that is lifted by less is flat."""
+
 ENDS = {(0, -1): 0, (0, 1): 1, (1, -1): 2, (1, 1): 3}
 """Places of the judge's corners, by end and side."""
 
@@ -168,7 +171,6 @@ class Findings:
     ) -> None:
         self.shown.setdefault((finger.light, finger.layers), (photos[-1], sightings[-1]))
         predict = eqx.filter_jit(sensor.model.predict)
-        polished = "polished" in finger.layers
         for number, (photo, sighting) in enumerate(zip(photos, sightings, strict=True)):
             pressed = bool(finger.captures[number].contacts)
             own = where | {"frame": number, "pressed": pressed}
@@ -191,21 +193,20 @@ class Findings:
                     continue
                 order = [ENDS[corner] for corner in CORNERS]
                 judged = np.array(shown.corners)[order]
-                # A polished wall shows the membrane on, to its upper edge: no corner of it.
-                truth = outline if polished else judged
-                bare = np.array(shown.seen)[order] & (np.array(shown.lifted)[order] == 0)
-                known = bare | polished
+                # Elsewhere the outline is not that of the flat membrane's corner: clear walls
+                # mirror the membrane, black ones hide it, and things pressed in lift it.
+                bare = np.array(shown.seen)[order] & (np.array(shown.lifted)[order] < FLAT)
+                bare &= "polished" not in finger.layers
                 assert view is not None
-                off = view.corners - truth
+                off = view.corners - np.where(bare[:, None], judged, outline)
                 spread = np.linalg.inv(view.covariance + FLOOR**2 * np.eye(2))
-                sure = np.sqrt(np.einsum("ci,cij,cj->c", off, spread, off))
+                stated = {(end, side): view.ends[end] for end, side in CORNERS}
                 self.corners.add(
                     **of_view,
-                    error_px=np.where(known, np.hypot(*off.T), np.nan),
-                    deviations=np.where(known, sure, np.nan),
-                    model_px=np.where(
-                        bare & (not polished), np.hypot(*(outline - judged).T), np.nan
-                    ),
+                    error_px=np.hypot(*off.T),
+                    deviations=np.sqrt(np.einsum("ci,cij,cj->c", off, spread, off)),
+                    stated=[stated[corner] for corner in CORNERS],
+                    model_px=np.where(bare, np.hypot(*(outline - judged).T), np.nan),
                 )
 
     def _add_angles(
@@ -277,7 +278,7 @@ def add_metrics(out: Report, found: Findings) -> None:
                     f"corner_p95_{light}_px": own.stat("p95 error_px"),
                 }
             )
-    sure = (corners["deviations"] > SURE) & (corners["error_px"] > FAR_PX)
+    sure = (corners["deviations"] > SURE) & (corners["error_px"] > FAR_PX) & corners["stated"]
     out.metrics(corners_wrong=int(sure.sum()))
     ours = defined(found.angles.where(model=MODELS[0]))
     out.metrics(angles_defined=found.angles.where(model=MODELS[0]).stat("defined error_deg"))

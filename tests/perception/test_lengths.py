@@ -65,8 +65,17 @@ def test_a_view_that_is_too_long_is_shortened_to_the_pad(name, kept):
     moved = {"second": tuple(pad.first + longer), "first": tuple(pad.second - longer)}
     end, own, other = [("second", [0, 3], [1, 2]), ("first", [1, 2], [0, 3])][kept]
     quad = exact_quad(EYE, dataclasses.replace(pad, **{end: moved[end]}), deviation=0.1)
-    found, expected = shortened(quad, pad.width, pad.length, LENS, kept), exact_quad(EYE, pad)
+    extent, expected = np.array([pad.length, 0.0]), exact_quad(EYE, pad)
+    found = shortened(quad, pad.width, extent, LENS, kept)
     np.testing.assert_allclose(found.corners, expected.corners, atol=1e-6)
     np.testing.assert_allclose(found.rays, expected.rays, atol=1e-9)
     np.testing.assert_array_equal(found.covariance[own], quad.covariance[own])
     assert (found.covariance[other, 1, 1] > quad.covariance[other, 1, 1]).all()
+    # A pad that may be made longer may end where it would then.
+    one, longer = (
+        shortened(quad, pad.width, np.array([pad.length + more, of_finger]), LENS, kept)
+        for more, of_finger in ((0.0, 0.3), (0.3, 0.0))
+    )
+    added = np.trace((one.covariance - found.covariance)[other], axis1=1, axis2=2)
+    moved = np.hypot(*(longer.corners - found.corners)[other].T)
+    np.testing.assert_allclose(np.sqrt(added), moved, rtol=0.05)

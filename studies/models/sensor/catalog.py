@@ -33,7 +33,7 @@ from perception.straightening import SHARES, find_straight_corners
 ANGLES = np.deg2rad(np.linspace(-2.0, 92.0, 95))
 """Values of every joint in the catalogue: every degree of the range, and what errors add."""
 
-MADE = 8
+MADE = 32
 """Fingers with errors of fabrication, beside the designed one, that show what others may show."""
 
 
