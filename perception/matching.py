@@ -57,7 +57,7 @@ FOUND = (Quality.COMPLETE, Quality.CLIPPED)
 """Views with these qualities are not looked for again."""
 
 UNSURE = 8.0
-"""Where an end is known to no better than so many pixels (of 1080 rows), the view may be cut."""
+"""Where a corner is known to no better than so many pixels (of 1080 rows), the view may be cut."""
 
 FAINTER = 0.6
 """Sides are looked for again, and one that is fainter by this than before is another edge."""
@@ -485,7 +485,7 @@ def _judged(catalog: ViewCatalog, index: int, value: int, quad: Quad, lens: Lens
     deviation = math.hypot(of_corners, of_finger)
     allowed = LENGTH_SHARE * wanted + LENGTH_DEVIATIONS * deviation
     short = allowed if whole.min() == 1 else DOUBTED_DEVIATIONS * deviation
-    unsure = math.sqrt(quad.covariance[:, 1, 1].max()) > UNSURE * lens.shape[0] / 1080
+    unsure = np.linalg.eigvalsh(quad.covariance).max() > (UNSURE * lens.shape[0] / 1080) ** 2
     if whole.max() == 0 or length < wanted - short or unsure:
         return replace(quad, quality=Quality.CLIPPED)
     beside = _beside(catalog.families, index, value, quad, NEIGHBOR * lens.shape[0] / 1080)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -87,7 +88,12 @@ def run(spec: ImageCheckSpec, context: Context) -> Results:
     # Those of the finger with everything: the others have fewer errors.
     scene = parse_scene(nominal("3 mm, pupil"), "finger")
     deviations = plain(deviations_of(spec.tolerances, scene))
-    for finger in fingers(spec, deviations, context.seed):
+    layers = ""
+    for finger in sorted(fingers(spec, deviations, context.seed), key=lambda one: one.layers):
+        if finger.layers != layers:
+            # Compiled programs of all kinds of layers together exceed what a process may map.
+            jax.clear_caches()
+            layers = finger.layers
         with context.step(f"finger {finger.number}: {finger.light}, layers: {finger.layers}"):
             photos = [
                 photograph(finger.tables, finger.errors, _pose(angles), capture, number, folder)
