@@ -57,7 +57,10 @@ FOUND = (Quality.COMPLETE, Quality.CLIPPED)
 """Views with these qualities are not looked for again."""
 
 UNSURE = 8.0
-"""Where a corner is known to no better than so many pixels (of 1080 rows), the view may be cut."""
+"""Where an end is known to no better than so many pixels (of 1080 rows), the view may be cut."""
+
+KNOWN = 0.04
+"""To this share the length of a view must be known that was looked for where it is expected."""
 
 FAINTER = 0.6
 """Sides are looked for again, and one that is fainter by this than before is another edge."""
@@ -324,7 +327,10 @@ class _Search(NamedTuple):
         ):
             return None
         judged = _judged(self.catalog, index, value, quad, self.lens)
-        return quad if judged.quality is Quality.COMPLETE else None
+        length, deviation = measured_length(quad, self.catalog.width, self.lens)
+        # Looked for where it is expected, it shows by its length that it is there.
+        known = judged.quality is Quality.COMPLETE and deviation < KNOWN * length
+        return quad if known else None
 
     def clearest(
         self,
@@ -485,7 +491,7 @@ def _judged(catalog: ViewCatalog, index: int, value: int, quad: Quad, lens: Lens
     deviation = math.hypot(of_corners, of_finger)
     allowed = LENGTH_SHARE * wanted + LENGTH_DEVIATIONS * deviation
     short = allowed if whole.min() == 1 else DOUBTED_DEVIATIONS * deviation
-    unsure = np.linalg.eigvalsh(quad.covariance).max() > (UNSURE * lens.shape[0] / 1080) ** 2
+    unsure = math.sqrt(quad.covariance[:, 1, 1].max()) > UNSURE * lens.shape[0] / 1080
     if whole.max() == 0 or length < wanted - short or unsure:
         return replace(quad, quality=Quality.CLIPPED)
     beside = _beside(catalog.families, index, value, quad, NEIGHBOR * lens.shape[0] / 1080)

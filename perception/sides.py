@@ -63,7 +63,7 @@ share of the pad."""
 
 BLOOM, GLOW, COVERED = 2.0, 0.3, 10.0
 """Edges beside a lamp are doubted by so many pixels, where it is clipped or hardly apart, where it
-is neither, and where it is at an end of the pad, of which it may cover a part."""
+is not clipped, and where it is at an end of the pad, of which it may cover a part."""
 
 ENDS, SCATTERED = 6, 4.0
 """Over this part of a side at each end its edges lie on its line, but for so many standard
@@ -294,15 +294,17 @@ def _before_lamps(
     first = rise - NEAR
     floor, later = profile[rows, first], counts > first[:, None]
     before = np.where(later, 0.0, profile)
-    gap = floor < VALLEY * before.max(axis=1)
+    pad = before.max(axis=1)
+    gap = floor < VALLEY * pad
     lamp = later & (counts <= rise[:, None] + 2 * NEAR)
     peak = np.where(lamp, profile, 0.0).max(axis=1)
     risen = np.minimum(np.maximum.accumulate(np.where(later, profile, 0.0), axis=1), peak[:, None])
     turned = np.where(gap[:, None], floor[:, None], 2 * floor[:, None] - risen)
-    inside = np.where(gap, before.max(axis=1), floor)
+    inside = np.where(gap, pad, floor)
     outside = np.where(gap, floor, 2 * floor - peak)
-    clipped = lens.codes(peak) >= CLIPPED
-    return np.where(later, turned, profile), inside, outside, np.where(clipped | gap, BLOOM, GLOW)
+    beside = np.where(lens.codes(peak) >= CLIPPED, BLOOM, GLOW)
+    doubt = np.where(gap, BLOOM * floor / np.maximum(pad, 1e-6), beside)
+    return np.where(later, turned, profile), inside, outside, doubt
 
 
 def _falling(
