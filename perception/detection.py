@@ -12,7 +12,7 @@ from jaxtyping import Float
 from perception.blobs import join_halves, stable_blobs
 from perception.images import checked_image
 from perception.lens import Lens
-from perception.masks import CLIPPED, Gray, Mask, brightness, global_mask, lamp_mask, without_lamps
+from perception.masks import Gray, Mask, brightness, lamp_mask, without_lamps
 from perception.matching import Sighting, ViewCatalog, match_views
 from perception.quads import Quad, fit_quad, follow_quad
 from perception.quality import Quality
@@ -66,14 +66,12 @@ class _Light(NamedTuple):
         codes: brightest color of every pixel, 8 bits.
         brightest: light of that color.
         green: light in green; ``None`` if the image has one channel.
-        clipped: where any color is as bright as it can be.
         lamps: lamps in view.
     """
 
     codes: Gray
     brightest: Float[np.ndarray, "rows columns"]
     green: Float[np.ndarray, "rows columns"] | None
-    clipped: Mask
     lamps: Mask
 
     @classmethod
@@ -88,8 +86,7 @@ class _Light(NamedTuple):
         green = None
         if picture.ndim == 3:
             green = lens.light(np.ascontiguousarray(picture[..., CHANNEL]))
-        clipped, lamps = global_mask(gray, CLIPPED - 1), lamp_mask(picture, gray)
-        return cls(gray, lens.light(gray), green, clipped, lamps)
+        return cls(gray, lens.light(gray), green, lamp_mask(picture, gray))
 
     def quads(self, lens: Lens) -> list[Quad]:
         """All quadrilaterals, from the image's top to its bottom."""
@@ -107,12 +104,12 @@ class _Light(NamedTuple):
             about: what that takes: a contour or corners.
         """
         if self.green is None:
-            return fit(self.brightest, lens, about, self.clipped)
-        quad = fit(self.green, lens, about, self.clipped)
+            return fit(self.brightest, lens, about, self.lamps)
+        quad = fit(self.green, lens, about, self.lamps)
         bright = quad is not None and quad.contrast >= GREEN_CONTRAST
         if quad is not None and bright and quad.quality is Quality.COMPLETE:
             return quad
-        other = fit(self.brightest, lens, about, self.clipped)
+        other = fit(self.brightest, lens, about, self.lamps)
         if other is None:
             return quad
         return replace(other, covariance=other.covariance + COLOR_DOUBT**2 * np.eye(2))

@@ -41,7 +41,7 @@ STRAIGHT = 1.5
 STEP = 7.0
 """px: sides are found within a little more (`sides.REACH`)."""
 
-MOST_TURN, MOST_ASIDE = 0.03, 1.0
+MOST_TURN, MOST_ASIDE = 0.06, 1.5
 """Rad and mm: fingers with errors of fabrication skew views by less (`measured_skew`)."""
 
 BORDER = 8.0

@@ -89,7 +89,7 @@ def fit_quad(
     gray: Float[np.ndarray, "rows columns"],
     lens: Lens,
     contour: Int[np.ndarray, "_ 2"],
-    clipped: Mask | None = None,
+    lamps: Mask | None = None,
 ) -> Quad | None:
     """The view whose blob has a given contour.
 
@@ -97,7 +97,7 @@ def fit_quad(
         gray: light, float32.
         lens: of the camera.
         contour: outermost pixels of a blob, column and row.
-        clipped: where the image is as bright as it can be in some color; lamps in view are.
+        lamps: where lamps are in view, if any are.
 
     Returns:
         The view; ``None`` where the contour has no four sides.
@@ -121,14 +121,14 @@ def fit_quad(
     rays = lens.pixel_rays(contour)
     plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
     corners = first_corners(plane.flat(rays))
-    return None if corners is None else _settled(gray, lens, plane, corners, contour, clipped)
+    return None if corners is None else _settled(gray, lens, plane, corners, contour, lamps)
 
 
 def follow_quad(
     gray: Float[np.ndarray, "rows columns"],
     lens: Lens,
     corners: Float[np.ndarray, "4 2"],
-    clipped: Mask | None = None,
+    lamps: Mask | None = None,
 ) -> Quad | None:
     """The view whose corners are expected at given places; as `fit_quad` otherwise.
 
@@ -151,7 +151,7 @@ def follow_quad(
         return None
     outline = np.clip(np.round(corners).astype(int), 0, np.array(gray.shape[::-1]) - 1)
     checked_brightness(gray, lens.shape, outline)
-    return _settled(gray, lens, plane, flat, outline, clipped)
+    return _settled(gray, lens, plane, flat, outline, lamps)
 
 
 def _settled(
@@ -160,10 +160,10 @@ def _settled(
     plane: TangentPlane,
     corners: Float[np.ndarray, "4 2"],
     contour: Int[np.ndarray, "_ 2"],
-    clipped: Mask | None,
+    lamps: Mask | None,
 ) -> Quad | None:
     """The view whose sides are found from its first corners in the tangent plane."""
-    found, places = _refined(gray, lens, plane, corners, clipped), None
+    found, places = _refined(gray, lens, plane, corners, lamps), None
     for _ in range(STEPS - 1):
         # A blotch, hardly there on any side, is not looked at more closely.
         if found is None or found.edges.contrast.max() < LEAST_CONTRAST:
@@ -171,7 +171,7 @@ def _settled(
         before, places = places, lens.project(plane.rays(found.corners))
         if before is not None and np.abs(places - before).max() < SETTLED:
             break
-        found = _refined(gray, lens, plane, found.corners, clipped)
+        found = _refined(gray, lens, plane, found.corners, lamps)
     if found is None:
         return None
     rays = plane.rays(found.corners)
@@ -265,11 +265,11 @@ def _refined(
     lens: Lens,
     plane: TangentPlane,
     corners: Float[np.ndarray, "4 2"],
-    clipped: Mask | None,
+    lamps: Mask | None,
 ) -> _Outline | None:
     """One round of finding edges and fitting lines; ``None`` where these do not meet."""
     sides = [Side(corners[i], corners[(i + 1) % 4]) for i in range(4)]
-    edges = find_edges(gray, lens, plane, sides, clipped)
+    edges = find_edges(gray, lens, plane, sides, lamps)
     lines = fit_lines(edges)
     moved = _meeting(sides, lines)
     return None if moved is None else _Outline(sides, edges, lines, moved)

@@ -157,7 +157,7 @@ def find_edges(
     lens: Lens,
     plane: TangentPlane,
     sides: list[Side],
-    clipped: Mask | None = None,
+    lamps: Mask | None = None,
 ) -> Edges:
     """The edges of all sides: where light first falls below half of its step outward.
 
@@ -169,8 +169,7 @@ def find_edges(
         plane: in which the sides are straight.
         sides: where they are expected, in the order of a `Quad`: the second and the last one are
             its ends.
-        clipped: where the image is as bright as it can be in some color, if it is: lamps in view
-            are.
+        lamps: where lamps are in view, if any are.
     """
     shares = np.linspace(TRIMMED, 1 - TRIMMED, POINTS)
     flat = np.concatenate([side.places(shares) for side in sides])
@@ -191,15 +190,18 @@ def find_edges(
     inside = np.quantile(inner, BRIGHTER, axis=1)
     outside = profile[:, SAMPLES // 2 :].min(axis=1)
     lit, glow = np.zeros(len(flat), bool), np.zeros(len(flat))
-    if clipped is not None and clipped.any():
-        bright = sampled(clipped, places[:, 2 * NEAR :]) > 0
-        rise = _rises(long, lens, bright, _depths(sides, flat, outward) * scale)
+    if lamps is not None and lamps.any():
+        lamp = sampled(lamps, places[:, 2 * NEAR :]) > 0
+        rise = _rises(long, lens, lamp, _depths(sides, flat, outward) * scale)
         lit = np.repeat((rise < SAMPLES).reshape(shape).mean(axis=1) > LIT, POINTS)
         profile[lit], inside[lit], outside[lit], glow[lit] = _before_lamps(
             profile[lit], lens, rise[lit]
         )
-        # Where the lamp of such a side is not found, no edge is.
+        # Where the lamp of such a side is not found, no edge is; nor are a lamp's own ones.
         profile[lit & (rise == SAMPLES)] = 0
+        own = ~lit & lamp.any(axis=1)
+        profile[own] = np.where(lamp[own], profile[own].min(axis=1, keepdims=True), profile[own])
+        inside[own] = np.quantile(inner[own], BRIGHTER, axis=1)
     start = SAMPLES // 2 - np.argmax(inner[:, ::-1] >= inside[:, None], axis=1)
     contrast = inside - outside
     crossings = [_falling(profile, start, inside - part * contrast) for part in (0.25, 0.5, 0.75)]
@@ -255,7 +257,7 @@ def _depths(
 def _rises(
     profile: Float[np.ndarray, "places longer"],
     lens: Lens,
-    bright: Bool[np.ndarray, "places samples"],
+    lamp: Bool[np.ndarray, "places samples"],
     depths: Float[np.ndarray, " places"],
 ) -> Int[np.ndarray, " places"]:
     """Where light first rises steeply outward, in samples; their number where it does not.
@@ -263,7 +265,7 @@ def _rises(
     Args:
         profile: of light, which begins so much before that of the edges as the rise is wide.
         lens: of the camera.
-        bright: where it is clipped in some color: to there it rises.
+        lamp: where lamps are: to there it rises.
         depths: px to another side of the view, beyond which the edge of that may rise.
     """
     earlier, before, behind = (
@@ -272,7 +274,7 @@ def _rises(
     steep = behind > np.maximum(BRIGHTENED * before, before + STEEPER * (before - earlier))
     inward = np.linspace(-REACH, REACH, SAMPLES)[: -2 * NEAR]
     steep &= inward > 2.0 - depths[:, None]
-    steep &= bright[:, 2 * NEAR :]
+    steep &= lamp[:, 2 * NEAR :]
     steep[steep] = lens.codes(behind[steep]) - lens.codes(before[steep]) > RISE
     first = np.argmax(steep, axis=1)
     counts = np.arange(steep.shape[1])

@@ -29,7 +29,6 @@ from perception.proprioception import (
     observe,
     stack_observations,
 )
-from perception.proprioception.observation import FLOOR
 from perception.quality import Quality
 from studies.image_check import ImageCheckSpec
 from studies.image_check.cases import (
@@ -57,7 +56,11 @@ SURE = 5.0
 FAR_PX = 3.0
 """A corner that is off by less is not wrong, however sure it is."""
 
-FLAT = 1e-3
+STRAIGHT_PX = 0.1
+"""Standard deviation of a corner beyond its own covariance, and of what is the same in all frames:
+pads are photographed with straight edges, which estimators may know."""
+
+FLAT = 1e-5
 """mm: a membrane that is lifted by less is flat."""
 
 ENDS = {(0, -1): 0, (0, 1): 1, (1, -1): 2, (1, 1): 3}
@@ -205,7 +208,7 @@ class Findings:
                 bare &= "polished" not in finger.layers
                 assert view is not None
                 off = view.corners - np.where(bare[:, None], judged, outline)
-                spread = np.linalg.inv(view.covariance + FLOOR**2 * np.eye(2))
+                spread = np.linalg.inv(view.covariance + STRAIGHT_PX**2 * np.eye(2))
                 stated = {(end, side): view.ends[end] for end, side in CORNERS}
                 self.corners.add(
                     **of_view,
@@ -225,9 +228,9 @@ class Findings:
         unit: Float[np.ndarray, " errors"] | None,
     ) -> None:
         model, count = sensor.model, len(labels)
-        seen = [observe(one, model.views) for one in sightings]
+        seen = [observe(one, model.views, STRAIGHT_PX) for one in sightings]
         labelled = stack_observations(seen[:count])
-        calibration = calibrate(model, labelled, labels, self._label)
+        calibration = calibrate(model, labelled, labels, self._label, constant=STRAIGHT_PX)
         for number in range(count, len(seen)):
             pair = seen[number], sightings[number].angles
             found = find_pose(model, *pair, calibration.value.errors)

@@ -8,7 +8,7 @@ import pytest
 import scipy.ndimage
 
 from perception.lens import TangentPlane
-from perception.masks import CLIPPED, global_mask
+from perception.masks import lamp_mask
 from perception.sides import DEEP, POINTS, SEAM, TRIMMED, Edges, Line, Side, find_edges, fit_lines
 from tests.perception.drawn import BRIGHT, DARK, Eye, Pad, defocused, drawn, rays_of, stored
 
@@ -202,8 +202,9 @@ def test_beside_a_lamp_an_edge_is_where_the_pad_ends_or_is_doubted(gap, within):
     lamp = (columns > edge + gap + 2) & (columns < edge + gap + 14)
     light[np.ix_((np.arange(EYE.rows) > 90) & (np.arange(EYE.rows) < 260), lamp)] = 1000
     codes = stored(cv2.GaussianBlur(light, (0, 0), 0.8))
-    clipped = global_mask(codes, CLIPPED - 1)
-    edges = find_edges(codes.astype(np.float32), LENS, plane, sides, clipped)
+    lamps = lamp_mask(codes, codes)
+    assert lamps.any()
+    edges = find_edges(codes.astype(np.float32), LENS, plane, sides, lamps)
     line = fit_lines(edges)[2]
     off = line.at(0.5) * edges.scale[2].mean()
     deviation = np.sqrt(line.variance(0.5)) * edges.scale[2].mean()
