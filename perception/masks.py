@@ -12,7 +12,7 @@ CLIPPED = 245
 BROADEST = 60 / 1080
 """Lamps in view are less broad than this share of the image's height, and longer than broad."""
 
-RIM, STEEP, STEEPER = 4, 18.0, 2.5
+RIM, STEEP, STEEPER = 4, 12.0, 2.5
 """Within so many pixels from a lamp, which is more than the lens blurs, the mean channel falls by
 more than that, and so many times as much as from there to twice as far: light of a lamp on a pad
 falls gradually."""
