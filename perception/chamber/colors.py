@@ -78,8 +78,15 @@ def colors_of(image: Image) -> Colors:
     channels = _channels(cv2.blur(clear, (EVEN, EVEN)))
     value = cv2.max(cv2.max(*channels[:2]), channels[2])
     grey = cv2.min(cv2.min(*channels[:2]), channels[2])
-    red_clearly = _red_ratio(channels)
+    red_clearly, red_level = _own_red(channels)
     found = _told_apart(channels, np.full_like(value, LEAST), CLEARLY, red_clearly)
+    # Highlights on red have a lower ratio, and are brighter.
+    others = cv2.addWeighted(cv2.max(*channels[1:]), RED_CLEARLY, value, 0, LEAST)
+    bright = cv2.bitwise_and(
+        cv2.compare(channels[0], others, cv2.CMP_GT),
+        global_mask(channels[0], red_level),
+    )
+    found[0] = cv2.max(found[0], bright)
     dim = cv2.subtract(not_above(value, DIM), cv2.max(cv2.max(*found[:2]), found[2]))
     # Between two bright colours, a line of dim pixels is a mixture of both.
     broad = cv2.morphologyEx(dim, cv2.MORPH_OPEN, np.ones((OPENING, OPENING), np.uint8))
@@ -104,12 +111,14 @@ def _channels(image: np.ndarray) -> list[np.ndarray]:
     return [cv2.extractChannel(image, number) for number in range(3)]
 
 
-def _red_ratio(channels: list[np.ndarray]) -> float:
-    """The ratio from which on red is clearly above others in this picture."""
+def _own_red(channels: list[np.ndarray]) -> tuple[float, float]:
+    """The ratio from which on red is clearly above others in this picture, and its level there."""
     red, green, blue = (one[::SAMPLED, ::SAMPLED].astype(float) for one in channels)
     ratio = red / (np.maximum(green, blue) + 1)
-    own = ratio[(ratio > RED_CLEARLY) & (red > DIM) & (red < SATURATED)]
-    return max(float(np.sqrt(np.median(own))), RED_CLEARLY) if len(own) else RED_CLEARLY
+    own = (ratio > RED_CLEARLY) & (red > DIM) & (red < SATURATED)
+    if not own.any():
+        return RED_CLEARLY, SATURATED
+    return max(float(np.sqrt(np.median(ratio[own]))), RED_CLEARLY), float(np.median(red[own]))
 
 
 def _told_apart(

@@ -357,6 +357,7 @@ def add_chambers(
             out.metric(f"{name}_{use}", value, name, **values)
         alone = zip(between, rows["chamber"][1:-1], strict=True)
         out.say("small", **values, alone=", ".join(f"{count} with {one}" for count, one in alone))
+    out.metrics(wrong_small=int(table["wrong"].sum()))
     out.table("small_bends", table | {"right_without_percent": plain["right"]})
     out.table("flips", table.where(table["chamber"] != best.OWN))
     out.table("designs", best.tabulate(designs))

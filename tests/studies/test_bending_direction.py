@@ -55,6 +55,7 @@ def test_a_quick_run_estimates_directions(tmp_path, monkeypatch, search):
         assert measured[f"right_{direction}_percent"] >= 80  # 2 of 12 may be bent by hardly any
     assert measured["odd_failures"] == measured["wrong_with_threshold"] == 0
     assert measured["rate_best_px_per_deg"] > measured["rate_spec_px_per_deg"]
+    assert measured["wrong_small"] == 0
     assert measured["undecided_small_best_blue"] <= measured["undecided_small_spec_blue"]
     [stages] = [line for line in document["findings"] if "Yellow shrinks until it is gone" in line]
     assert "and then blue shrinks" in stages
