@@ -56,9 +56,9 @@ SURE = 5.0
 FAR_PX = 3.0
 """A corner that is off by less is not wrong, however sure it is."""
 
-STRAIGHT_PX = 0.1
+STRAIGHT_PX = 0.15
 """Standard deviation of a corner beyond its own covariance, and of what is the same in all frames:
-pads are photographed with straight edges, which estimators may know."""
+less than of rough pads, as the photographed ones have straight edges, which estimators may know."""
 
 FLAT = 1e-5
 """mm: a membrane that is lifted by less is flat."""
