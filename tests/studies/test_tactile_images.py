@@ -47,7 +47,8 @@ def test_a_quick_run_finds_what_can_be_found(tmp_path):
     assert measured["found_independent"] >= 0.85
     assert measured["corner_median_px"] <= 1
     assert measured["corner_p90_px"] <= 2.5
-    assert measured["unwarp_p90_mm"] <= 0.3 < measured["affine_unwarp_p90_mm"]
+    # Mirrors that bow bend what is seen in them, and pads lean: 0.3 without such errors.
+    assert measured["unwarp_p90_mm"] <= 0.5 < measured["affine_unwarp_p90_mm"]
     assert measured["corner_median_px"] < measured["paper_corner_median_px"]
     assert measured["corrupted_failures"] == 0
     assert corrupted["kind"] == list(CORRUPTIONS)
