@@ -369,7 +369,7 @@ def draw_pictures(found: Findings) -> Figure:
     for axes, (light, (layers, photo, sighting)) in zip(row, chosen.items(), strict=True):
         axes.imshow(photo.pixels)
         axes.set_axis_off()
-        axes.set_title(f"{light}, layers: {layers}")
+        axes.set_title(f"{light}\nlayers: {layers}")
         for view in sighting.complete():
             axes.plot(*view.corners.T, "o", color="white", fillstyle="none", markersize=4)
         axes.set(xlim=(300, 1140), ylim=(1080, 0))
