@@ -47,12 +47,28 @@ def lamp_mask(image: Image | Gray, gray: Gray) -> Mask:
     if not clipped.any():
         return clipped
     broadest = round(BROADEST * len(gray)) | 1
-    across = _upright_strips(cv2.transpose(image), cv2.transpose(clipped), broadest)
-    return cv2.bitwise_or(_upright_strips(image, clipped, broadest), cv2.transpose(across))
+    along = _upright_strips(image, clipped, broadest)
+    if image.ndim == 2:
+        return along
+    # An overexposed pad that is seen flatly is such a strip, too, but of more than one color, or
+    # it becomes darker along itself gradually.
+    colors = np.sum([global_mask(one, CLIPPED - 1) > 0 for one in cv2.split(image)], axis=0)
+    sole = np.where(colors == 1, clipped, 0)
+    across = _upright_strips(cv2.transpose(image), cv2.transpose(sole), broadest, tips=True)
+    return cv2.bitwise_or(along, cv2.transpose(across))
 
 
-def _upright_strips(image: Image | Gray, clipped: Mask, broadest: int) -> Mask:
-    """Those of the clipped strips that are higher than broad, and end steeply to left and right."""
+def _upright_strips(
+    image: Image | Gray, clipped: Mask, broadest: int, *, tips: bool = False
+) -> Mask:
+    """Those of the clipped strips that are higher than broad, and end steeply to left and right.
+
+    Args:
+        image: red, green and blue, or one channel.
+        clipped: where it is.
+        broadest: number of pixels.
+        tips: whether they must end steeply above and below, too.
+    """
     mask, broad = np.zeros_like(clipped), np.ones((1, broadest), np.uint8)
     if image.ndim == 3:
         # Beside a lamp its own color may be clipped on the pad, too.
@@ -67,20 +83,26 @@ def _upright_strips(image: Image | Gray, clipped: Mask, broadest: int) -> Mask:
             continue
         window = slice(top, top + height), slice(left, left + width)
         here = labels[window] == one
+        rows = np.arange(top, top + height)
         first = left + here.argmax(axis=1)
         last = left + width - 1 - here[:, ::-1].argmax(axis=1)
-        if all(
-            _ends_steeply(image, np.arange(top, top + height), end, step)
-            for end, step in ((first, -RIM), (last, RIM))
-        ):
+        sides = [(rows, first, 0, -RIM), (rows, last, 0, RIM)]
+        if tips:
+            above, below = (left + np.flatnonzero(here[i]) for i in (0, -1))
+            sides += [(rows[:1], above, -RIM, 0), (rows[-1:], below, RIM, 0)]
+        if all(_ends_steeply(image, *side) for side in sides):
             mask[window][here] = 255
     return mask
 
 
-def _ends_steeply(image: Image | Gray, rows: np.ndarray, columns: np.ndarray, step: int) -> bool:
-    """Whether light falls steeply from places, some columns beside them, and then no more."""
-    beside = np.clip(columns + step * np.arange(3)[:, None], 0, image.shape[1] - 1)
-    levels = image[rows, beside].astype(float)
+def _ends_steeply(
+    image: Image | Gray, rows: np.ndarray, columns: np.ndarray, down: int, right: int
+) -> bool:
+    """Whether light falls steeply from places, some pixels beside them, and then no more."""
+    steps, limits = np.arange(3)[:, None], np.array(image.shape[:2]) - 1
+    levels = image[
+        np.clip(rows + down * steps, 0, limits[0]), np.clip(columns + right * steps, 0, limits[1])
+    ].astype(float)
     if levels.ndim == 3:
         levels = levels.mean(axis=2)
     first, second = np.median(levels[:-1] - levels[1:], axis=1)

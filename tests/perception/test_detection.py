@@ -17,7 +17,6 @@ from optics.rendering import Effects, Imprint, Renderer, TactileImage, TrueView
 from perception.chamber import IN_VIEW, ChamberStatus, find_regions
 from perception.detection import detect_quads
 from perception.matching import Sighting
-from perception.proprioception.observation import FLOOR
 from perception.quality import Quality
 from perception.unwarping import PER_MM
 from studies.models.sensor.finger_sensor import FingerSensor
@@ -74,18 +73,12 @@ def findable(finger: FingerSensor, image: TactileImage) -> list[TrueView]:
 
 
 def off(sighting: Sighting, view: TrueView) -> float:
-    """How far the furthest corner of a view was found from where it is, px.
-
-    What is stated to be unsure may be further off, by four standard deviations.
-    """
+    """How far the furthest corner of a view was found from where it is, px."""
     found = sighting.view(view.pad, view.path)
     if found is None or found.quality is not Quality.COMPLETE:
         return np.inf
     assert found.reflections == view.reflections
-    away = found.corners - view.corners
-    covariance = found.covariance + FLOOR**2 * np.eye(2)
-    far = np.einsum("ci,cij,cj->c", away, np.linalg.inv(covariance), away)
-    return np.where(far < 4**2, np.minimum(np.hypot(*away.T), NEAR / 2), np.hypot(*away.T)).max()
+    return np.abs(found.corners - view.corners).max()
 
 
 def check_complete(image: TactileImage, sighting: Sighting) -> None:
@@ -93,7 +86,7 @@ def check_complete(image: TactileImage, sighting: Sighting) -> None:
     for view in sighting.complete():
         true = image.view(view.pad, view.path)
         assert true is not None
-        assert off(sighting, true) < NEAR, (view.pad, view.path)
+        assert np.abs(view.corners - true.corners).max() < NEAR, (view.pad, view.path)
 
 
 @pytest.mark.parametrize("frames", ["designed_frames", "made_frames"])
@@ -149,7 +142,13 @@ def test_uneven_light_lamps_and_defocus_hide_no_view(finger, light):
     renderer = finger.renderer(effects, None, seed=1)
     for image, sighting in frames_of(known, renderer, POSES[::2]):
         for view in findable(finger, image):
-            assert off(sighting, view) < NEAR, (view.pad, view.path)
+            found = sighting.view(view.pad, view.path)
+            assert found is not None
+            assert found.quality is Quality.COMPLETE
+            off = found.corners - view.corners
+            covariance = found.covariance + 0.25**2 * np.eye(2)
+            far = np.einsum("ci,cij,cj->c", off, np.linalg.inv(covariance), off)
+            assert (np.hypot(*off.T) < NEAR).all() or far.max() < 4**2, (view.pad, view.path)
 
 
 def test_a_view_of_which_a_fiftieth_is_hidden_is_not_complete(finger):

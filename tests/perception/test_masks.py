@@ -124,3 +124,18 @@ def test_an_overexposed_pad_or_edge_of_one_is_no_lamp():
     edge[150:350, 200:500] = np.minimum(255, 255 * (75 / (60 + distance)) ** 2)
     for one in (gray, edge):
         assert not lamp_mask(one.astype(np.uint8), one.astype(np.uint8)).any()
+
+
+@pytest.mark.parametrize("color", range(3))
+def test_lamps_across_the_section_have_one_color(color):
+    image, where = np.full((540, 720, 3), 10, np.uint8), np.zeros((540, 720), bool)
+    where[300:316, 150:500] = True
+    image[where] = 80
+    image[where, color] = 255
+    np.testing.assert_array_equal(lamp_mask(image, image.max(axis=-1)) > 0, where)
+    # A pad that is seen flatly, lit evenly by two lamps, and by one that shines from its end.
+    even, falling = image.copy(), image.copy()
+    even[where, (color + 1) % 3] = 255
+    falling[300:316, 150:500, color] = np.minimum(255, np.linspace(500, 40, 350))
+    for pad in (even, falling):
+        assert not lamp_mask(pad, pad.max(axis=-1)).any()

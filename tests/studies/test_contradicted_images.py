@@ -64,7 +64,7 @@ class Size(NamedTuple):
 
 
 SIZES = [
-    pytest.param(Size(540, 4, 10, 0.02), marks=pytest.mark.slow, id="small"),
+    pytest.param(Size(540, 4, 10, 0.0), marks=pytest.mark.slow, id="small"),
     pytest.param(Size(1080, 40, 100, 0.005), marks=pytest.mark.nightly, id="whole"),
 ]
 
