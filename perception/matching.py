@@ -56,6 +56,9 @@ LONGER = 0.15
 FOUND = (Quality.COMPLETE, Quality.CLIPPED)
 """Views with these qualities are not looked for again."""
 
+PART = 0.6
+"""Something bright that is shorter than this part of a pad may be something else."""
+
 UNSURE = 8.0
 """Where an end is known to no better than so many pixels (of 1080 rows), the view may be cut."""
 
@@ -423,7 +426,7 @@ def _seen_twice(
     """Joints of which the rest of the image shows a pad at another angle than what was matched.
 
     A complete quadrilateral that no view explains as well at the angles that were found, and that
-    is as long as the pad there, is a view of a pad at another angle: the image is a double
+    is as long as most of the pad there, is a view of a pad at another angle: the image is a double
     exposure, or shows another finger.
     """
     joints = set()
@@ -436,7 +439,9 @@ def _seen_twice(
                 other, moved = own.min(), (i, int(own.argmin()))
         if moved is not None and other < explained:
             judged = _judged(catalog, *moved, quad, lens)
-            if judged.quality is Quality.COMPLETE:
+            length, _ = measured_length(quad, catalog.width, lens)
+            enough = length > PART * catalog.families[moved[0]].extent[moved[1], 0]
+            if judged.quality in FOUND and enough:
                 joints.add(catalog.families[moved[0]].joint)
     return joints
 
