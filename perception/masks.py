@@ -86,7 +86,9 @@ def _upright_strips(
         rows = np.arange(top, top + height)
         first = left + here.argmax(axis=1)
         last = left + width - 1 - here[:, ::-1].argmax(axis=1)
-        sides = [(rows, first, 0, -RIM), (rows, last, 0, RIM)]
+        # Across a strip that leans, so many pixels are more along a row.
+        right = round(RIM * float(np.hypot(1, (first[-1] - first[0]) / (height - 1))))
+        sides = [(rows, first, 0, -right), (rows, last, 0, right)]
         if tips:
             above, below = (left + np.flatnonzero(here[i]) for i in (0, -1))
             sides += [(rows[:1], above, -RIM, 0), (rows[-1:], below, RIM, 0)]

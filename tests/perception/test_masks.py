@@ -1,5 +1,6 @@
 """Masks against their definitions written out in NumPy and SciPy."""
 
+import cv2
 import numpy as np
 import pytest
 import scipy.ndimage
@@ -139,3 +140,16 @@ def test_lamps_across_the_section_have_one_color(color):
     falling[300:316, 150:500, color] = np.minimum(255, np.linspace(500, 40, 350))
     for pad in (even, falling):
         assert not lamp_mask(pad, pad.max(axis=-1)).any()
+
+
+def test_a_lamp_that_leans_is_one():
+    rows, columns = np.mgrid[:540, :720]
+    off = columns - 2.0 * rows
+    gray = np.select([off > 0, off > -20], [120.0, 262.0], 10.0)
+    gray[(rows < 200) | (rows > 300)] = 10
+    # So blurred that along a row light falls over more than `RIM`.
+    blurred = np.minimum(cv2.GaussianBlur(gray, (0, 0), 1.2), 255).astype(np.uint8)
+    there = lamp_mask(blurred, blurred) > 0
+    inner = (off > -13) & (off < -9) & (rows > 205) & (rows < 295)
+    assert there[inner].all()
+    assert not there[(off > 10) | (off < -30)].any()
