@@ -59,9 +59,6 @@ FOUND = (Quality.COMPLETE, Quality.CLIPPED)
 PART = 0.6
 """Something bright that is shorter than this part of a pad may be something else."""
 
-UNSURE = 8.0
-"""Where an end is known to no better than so many pixels (of 1080 rows), the view may be cut."""
-
 KNOWN = 0.04
 """To this share the length of a view must be known that was looked for where it is expected."""
 
@@ -496,8 +493,7 @@ def _judged(catalog: ViewCatalog, index: int, value: int, quad: Quad, lens: Lens
     deviation = math.hypot(of_corners, of_finger)
     allowed = LENGTH_SHARE * wanted + LENGTH_DEVIATIONS * deviation
     short = allowed if whole.min() == 1 else DOUBTED_DEVIATIONS * deviation
-    unsure = math.sqrt(quad.covariance[:, 1, 1].max()) > UNSURE * lens.shape[0] / 1080
-    if whole.max() == 0 or length < wanted - short or unsure:
+    if whole.max() == 0 or length < wanted - short:
         return replace(quad, quality=Quality.CLIPPED)
     beside = _beside(catalog.families, index, value, quad, NEIGHBOR * lens.shape[0] / 1080)
     if length <= wanted + (allowed if beside is None else DOUBTED_DEVIATIONS * deviation):

@@ -61,9 +61,8 @@ LIT, VALLEY = 0.5, 0.9
 """A lamp is beside more than this part of a side. A gap between it and the pad is darker than this
 share of the pad."""
 
-BLOOM, GLOW, COVERED = 2.0, 0.3, 10.0
-"""Edges beside a lamp are doubted by so many pixels, where it is clipped or hardly apart, where it
-is not clipped, and where it is at an end of the pad, of which it may cover a part."""
+BLOOM, GLOW = 2.0, 0.3
+"""Standard deviation of edges beside a lamp that is clipped or hardly apart, and of others, px."""
 
 ENDS, SCATTERED = 6, 4.0
 """Over this part of a side at each end its edges lie on its line, but for so many standard
@@ -114,6 +113,7 @@ class Edges:
         doubt: standard deviation of all of a side's edge together, px: next to another view the
             brightness does not fall to the dark, and its half is no edge; next to a lamp in view it
             rises, and is clipped.
+        lit: which sides are beside a lamp.
     """
 
     shares: Float[np.ndarray, " points"]
@@ -124,6 +124,7 @@ class Edges:
     width: Float[np.ndarray, " sides"]
     clear: Float[np.ndarray, " sides"]
     doubt: Float[np.ndarray, " sides"]
+    lit: Bool[np.ndarray, " sides"]
 
 
 @dataclass(frozen=True)
@@ -167,8 +168,7 @@ def find_edges(
         gray: light, float32.
         lens: of the camera.
         plane: in which the sides are straight.
-        sides: where they are expected, in the order of a `Quad`: the second and the last one are
-            its ends.
+        sides: where they are expected.
         lamps: where lamps are in view, if any are.
     """
     shares = np.linspace(TRIMMED, 1 - TRIMMED, POINTS)
@@ -223,9 +223,8 @@ def find_edges(
     doubt = SEAM * np.maximum(DEEP - deep, 0.0)
     # Blur is much the same on all sides: a wider edge is a gradient of light, its half no edge.
     doubt = np.hypot(doubt, GRADUAL * np.maximum(width - WIDER * np.median(width), 0.0))
-    glow = _median(glow.reshape(shape), there)
-    glow[1::2] = np.maximum(glow[1::2], COVERED)
-    doubt = np.where(lit.reshape(shape).any(axis=1), glow, doubt)
+    by_lamps = np.asarray(lit.reshape(shape)[:, 0])
+    doubt = np.where(by_lamps, _median(glow.reshape(shape), there), doubt)
     return Edges(
         shares=shares,
         offsets=(middle / scale).reshape(shape),
@@ -239,6 +238,7 @@ def find_edges(
         width=width,
         clear=clear.reshape(shape).mean(axis=1),
         doubt=doubt,
+        lit=by_lamps,
     )
 
 

@@ -58,7 +58,7 @@ FAR_PX = 3.0
 
 STRAIGHT_PX = 0.15
 """Standard deviation of a corner beyond its own covariance, and of what is the same in all frames:
-less than of rough pads, as the photographed ones have straight edges, which estimators may know."""
+less than by default, which is for pads with rough edges. The photographed edges are straight."""
 
 FLAT = 1e-5
 """mm: a membrane that is lifted by less is flat."""

@@ -36,7 +36,9 @@ def lines_of(
     there[-1] = True
     doubts = doubt * (np.arange(len(rows)) < len(rows) - 1)
     scale = np.full(rows.shape, SCALE)
-    *lines, beside = fit_lines(Edges(SHARES, rows, scale, there, 100 * ones, ones, ones, doubts))
+    lit = np.zeros(len(rows), bool)
+    edges = Edges(SHARES, rows, scale, there, 100 * ones, ones, ones, doubts, lit)
+    *lines, beside = fit_lines(edges)
     assert beside.turn == pytest.approx(3)
     return lines
 
@@ -211,6 +213,7 @@ def test_beside_a_lamp_an_edge_is_where_the_pad_ends_or_is_doubted(gap, within):
     assert abs(off) < within
     assert abs(off) < 3 * np.hypot(deviation, 0.1)
     assert edges.doubt[[0, 1, 3]].tolist() == [0, 0, 0]
+    assert edges.lit.tolist() == [False, False, gap < 8, False]
 
 
 def test_an_edge_wider_than_the_others_is_a_gradient_and_doubted():
