@@ -63,7 +63,7 @@ KNOWN = 0.04
 """To this share the length of a view must be known that was looked for where it is expected."""
 
 FAINTER = 0.6
-"""Sides are looked for again, and one that is fainter by this than before is another edge."""
+"""Where four sides were found, others that are less than this part as clear are other edges."""
 
 
 @dataclass(frozen=True)
@@ -302,29 +302,11 @@ class _Search(NamedTuple):
     lens: Lens
     follow: Callable[[Float[np.ndarray, "4 2"]], Quad | None]
 
-    def complete(
-        self,
-        index: int,
-        value: int,
-        start: Float[np.ndarray, "4 2"],
-        found: Iterable[Quad] = (),
-    ) -> Quad | None:
-        """A complete view whose corners are expected at given places, if it is there.
-
-        Args:
-            index: of the view.
-            value: of its joint, by index.
-            start: the places.
-            found: what is there already, but not complete: much fainter sides are none of it.
-        """
+    def complete(self, index: int, value: int, start: Float[np.ndarray, "4 2"]) -> Quad | None:
+        """A complete view whose corners are expected at given places, if it is there."""
         quad = self.follow(start) if np.isfinite(start).all() else None
-        there = (one.contrast for one in found if one.quality is Quality.COMPLETE)
         # Edges are found in noise, too, but not in a line.
-        if (
-            quad is None
-            or quad.scatter >= STRAIGHT
-            or quad.contrast < FAINTER * max(there, default=0)
-        ):
+        if quad is None or quad.scatter >= STRAIGHT:
             return None
         judged = _judged(self.catalog, index, value, quad, self.lens)
         length, deviation = measured_length(quad, self.catalog.width, self.lens)
@@ -333,15 +315,11 @@ class _Search(NamedTuple):
         return quad if known else None
 
     def clearest(
-        self,
-        index: int,
-        value: int,
-        starts: Iterable[Float[np.ndarray, "4 2"]],
-        found: Sequence[Quad] = (),
+        self, index: int, value: int, starts: Iterable[Float[np.ndarray, "4 2"]]
     ) -> Quad | None:
         """Of the complete views from several starts the one whose faintest side is clearest."""
-        quads = [self.complete(index, value, start, found) for start in starts]
-        there = [quad for quad in quads if quad is not None]
+        found = [self.complete(index, value, start) for start in starts]
+        there = [quad for quad in found if quad is not None]
         return max(there, key=lambda quad: quad.contrast, default=None)
 
     def mended(self, index: int, value: int, quad: Quad) -> Quad:
@@ -371,7 +349,10 @@ class _Search(NamedTuple):
                 reach = AGREEING * float(family.spread[0].max())
                 rows = np.arange(-reach, reach + 1, STEP)
                 starts = (_expected(family, 0, np.array([0.0, row])) for row in rows)
-                quad = self.clearest(index, 0, starts, near)
+                quad = self.clearest(index, 0, starts)
+                clear = [one.contrast for one in near if one.quality is Quality.COMPLETE]
+                if quad is not None and quad.contrast < FAINTER * max(clear, default=0):
+                    quad = None
             if quad is not None:
                 yield quad
 
