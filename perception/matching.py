@@ -33,7 +33,8 @@ LENGTH_SHARE, LENGTH_DEVIATIONS = 0.01, 2.5
 """A pad's length may come out wrong by that share and by so many standard deviations."""
 
 DOUBTED_DEVIATIONS = 1.0
-"""By so many only too short, where a part may be hidden, and too long, beside another view."""
+"""By so many only too short, where a part may be hidden, and too long, beside another view without
+a look for the seam between them."""
 
 STRAIGHT = 1.5
 """px: edges scatter less about the sides of a pad, however rough; in noise 2.5 at least."""
@@ -52,6 +53,9 @@ NEIGHBOR = 20.0
 
 LONGER = 0.15
 """A view that is longer by no more than this share has run into what is beside it."""
+
+Follow = Callable[[Float[np.ndarray, "4 2"], int | None], Quad | None]
+"""The quadrilateral whose corners are expected at given places; with a seam at an end, or not."""
 
 FOUND = (Quality.COMPLETE, Quality.CLIPPED)
 """Views with these qualities are not looked for again."""
@@ -184,7 +188,7 @@ def match_views(
     quads: Sequence[Quad],
     catalog: ViewCatalog,
     lens: Lens,
-    follow: Callable[[Float[np.ndarray, "4 2"]], Quad | None] | None = None,
+    follow: Follow | None = None,
 ) -> Sighting:
     """Assign quadrilaterals to views; every view gets its quality.
 
@@ -193,8 +197,9 @@ def match_views(
         catalog: what the finger can show.
         lens: of the camera.
         follow: the quadrilateral in the image whose corners are expected at given places, if there
-            is one: a view that something bright beside it has spoiled is looked for again there.
-            Without it none is.
+            is one: a view that something bright beside it has spoiled is looked for again there,
+            and the seam to another view at an end of it (`perception.quads.follow_quad`). Without
+            it none is.
 
     Example:
         >>> rows, columns = np.mgrid[:90, :120]
@@ -224,7 +229,7 @@ def match_views(
         >>> [(view.pad, view.quality.name) for view in match_views([], catalog, lens).views]
         [('tip', 'MISSING')]
     """
-    families, search = catalog.families, _Search(catalog, lens, follow or (lambda _: None))
+    families, search = catalog.families, _Search(catalog, lens, follow)
     angles = np.full(catalog.joints, np.nan)
     cap = CAP * lens.shape[0] / 1080
     best = dict.fromkeys(range(len(families)), 0)
@@ -260,7 +265,7 @@ def match_views(
     known = {families[i].joint for i in assigned}
     whole = {number for number, quad in enumerate(quads) if quad.quality is Quality.COMPLETE}
     rest = whole.difference(assigned.values())
-    twice = _seen_twice(catalog, best, distances, {n: quads[n] for n in rest}, lens, cap)
+    twice = _seen_twice(search, best, distances, {n: quads[n] for n in rest}, cap)
     angles[list(twice)] = np.nan
     views = []
     for i, family in enumerate(families):
@@ -270,11 +275,11 @@ def match_views(
         view = None
         if i in assigned:
             quad = search.mended(i, best[i], quads[assigned[i]])
-            view = _found(catalog, i, best[i], quad, lens, shift)
+            view = _found(search, i, best[i], quad, shift)
         if expected and (view is None or view.quality not in FOUND):
             other = search.complete(i, best[i], _expected(family, best[i], shift))
             if other is not None:
-                view = _found(catalog, i, best[i], other, lens, shift)
+                view = _found(search, i, best[i], other, shift)
         if view is not None and i in assigned and family.joint in twice:
             view = replace(view, quality=Quality.AMBIGUOUS, ends=(False, False))
         if view is not None or expected:
@@ -300,15 +305,54 @@ class _Search(NamedTuple):
 
     catalog: ViewCatalog
     lens: Lens
-    follow: Callable[[Float[np.ndarray, "4 2"]], Quad | None]
+    follow: Follow | None
 
-    def complete(self, index: int, value: int, start: Float[np.ndarray, "4 2"]) -> Quad | None:
-        """A complete view whose corners are expected at given places, if it is there."""
-        quad = self.follow(start) if np.isfinite(start).all() else None
+    def judged(self, index: int, value: int, quad: Quad) -> Quad:
+        """A quadrilateral, and whether its sides, if all are good, are those of all of the pad."""
+        if quad.quality is not Quality.COMPLETE:
+            return quad
+        catalog, lens = self.catalog, self.lens
+        family = catalog.families[index]
+        turn, aside = measured_skew(quad, catalog.width)
+        if turn > MOST_TURN or aside > MOST_ASIDE:
+            return replace(quad, quality=Quality.MERGED)
+        if measured_grazing(quad, catalog.width) < catalog.grazing[family.pad]:
+            return replace(quad, quality=Quality.FLAT)
+        whole = family.complete[_around(value)]
+        wanted, of_finger = family.extent[value].tolist()
+        length, of_corners = measured_length(quad, catalog.width, lens)
+        deviation = math.hypot(of_corners, of_finger)
+        allowed = LENGTH_SHARE * wanted + LENGTH_DEVIATIONS * deviation
+        doubted = DOUBTED_DEVIATIONS * deviation
+        if whole.max() == 0 or length < wanted - (allowed if whole.min() == 1 else doubted):
+            return replace(quad, quality=Quality.CLIPPED)
+        beside = _beside(catalog.families, index, value, quad, lens)
+        # Where the image can be searched for a seam, a view without one has not run into another.
+        unsure = beside is not None and self.follow is None
+        if length <= wanted + (doubted if unsure else allowed):
+            return quad
+        if beside is None or length > (1 + LONGER) * wanted + allowed:
+            return replace(quad, quality=Quality.MERGED)
+        return shortened(quad, catalog.width, family.extent[value], lens, 1 - beside)
+
+    def complete(
+        self, index: int, value: int, start: Float[np.ndarray, "4 2"], beside: int | None = None
+    ) -> Quad | None:
+        """A complete view whose corners are expected at given places, if it is there.
+
+        Args:
+            index: of the view.
+            value: of its joint, by index.
+            start: the places.
+            beside: its end (0 the lower) that must have a seam to another view, if one must.
+        """
+        if self.follow is None or not np.isfinite(start).all():
+            return None
+        quad = self.follow(start, beside)
         # Edges are found in noise, too, but not in a line.
         if quad is None or quad.scatter >= STRAIGHT:
             return None
-        judged = _judged(self.catalog, index, value, quad, self.lens)
+        judged = self.judged(index, value, quad)
         length, deviation = measured_length(quad, self.catalog.width, self.lens)
         # Looked for where it is expected, it shows by its length that it is there.
         known = judged.quality is Quality.COMPLETE and deviation < KNOWN * length
@@ -325,11 +369,24 @@ class _Search(NamedTuple):
     def mended(self, index: int, value: int, quad: Quad) -> Quad:
         """A view that runs into something bright, looked for again where its pad would end."""
         catalog, lens = self.catalog, self.lens
-        if _judged(catalog, index, value, quad, lens).quality is not Quality.MERGED:
+        quality = self.judged(index, value, quad).quality
+        if quality not in (Quality.COMPLETE, Quality.MERGED):
             return quad
         extent = catalog.families[index].extent[value]
-        starts = (shortened(quad, catalog.width, extent, lens, kept).corners for kept in range(2))
+        starts = [shortened(quad, catalog.width, extent, lens, kept).corners for kept in range(2)]
+        beside = _beside(catalog.families, index, value, quad, lens)
+        if beside is not None:
+            at_seam = self.complete(index, value, starts[1 - beside], beside)
+            # One that ends before the seam ends in the dark, and has not run into the other.
+            if at_seam is not None and self.length(at_seam) < self.length(quad):
+                return at_seam
+        if quality is Quality.COMPLETE:
+            return quad
         return self.clearest(index, value, starts) or quad
+
+    def length(self, quad: Quad) -> float:
+        """A pad's length as a view shows it, mm."""
+        return measured_length(quad, self.catalog.width, self.lens)[0]
 
     def still(self, quads: Sequence[Quad], cap: float) -> Iterator[Quad]:
         """Views that no joint moves, where nothing complete was found: looked for all about there.
@@ -341,7 +398,7 @@ class _Search(NamedTuple):
                 continue
             away = _distances(family, quads, self.lens, np.zeros(2))[:, 0] if quads else np.zeros(0)
             near = [quads[number] for number in np.argsort(away) if away[number] < cap]
-            judged = (_judged(self.catalog, index, 0, quad, self.lens).quality for quad in near)
+            judged = (self.judged(index, 0, quad).quality for quad in near)
             if Quality.COMPLETE in judged:
                 continue
             quad = self.mended(index, 0, near[0]) if near else None
@@ -394,11 +451,10 @@ def _costs(
 
 
 def _seen_twice(
-    catalog: ViewCatalog,
+    search: _Search,
     best: Mapping[int, int],
     distances: Mapping[int, Float[np.ndarray, "quads values"]],
     rest: Mapping[int, Quad],
-    lens: Lens,
     cap: float,
 ) -> set[int]:
     """Joints of which the rest of the image shows a pad at another angle than what was matched.
@@ -407,7 +463,7 @@ def _seen_twice(
     is as long as most of the pad there, is a view of a pad at another angle: the image is a double
     exposure, or shows another finger.
     """
-    joints = set()
+    catalog, joints = search.catalog, set()
     for number, quad in rest.items():
         explained, other, moved = np.inf, cap, None
         for i, family in enumerate(catalog.families):
@@ -416,25 +472,23 @@ def _seen_twice(
             if family.wanted and family.joint is not None and own.min() < other:
                 other, moved = own.min(), (i, int(own.argmin()))
         if moved is not None and other < explained:
-            judged = _judged(catalog, *moved, quad, lens)
-            length, _ = measured_length(quad, catalog.width, lens)
-            enough = length > PART * catalog.families[moved[0]].extent[moved[1], 0]
+            judged = search.judged(*moved, quad)
+            enough = search.length(quad) > PART * catalog.families[moved[0]].extent[moved[1], 0]
             if judged.quality in FOUND and enough:
                 joints.add(catalog.families[moved[0]].joint)
     return joints
 
 
 def _found(
-    catalog: ViewCatalog,
+    search: _Search,
     index: int,
     value: int,
     quad: Quad,
-    lens: Lens,
     shift: Float[np.ndarray, "2"],
 ) -> View:
-    family = catalog.families[index]
+    family, lens = search.catalog.families[index], search.lens
     order = [0, 1, 2, 3] if _first_is_lower(family.corners[value]) else [1, 0, 3, 2]
-    quad = _judged(catalog, index, value, quad, lens)
+    quad = search.judged(index, value, quad)
     ends = np.asarray(family.ends[_around(value)].all(axis=0))
     if quad.quality is Quality.CLIPPED:
         off = quad.corners[order] - shift - family.corners[value]
@@ -458,32 +512,6 @@ def _found(
     )
 
 
-def _judged(catalog: ViewCatalog, index: int, value: int, quad: Quad, lens: Lens) -> Quad:
-    """A quadrilateral, and whether its sides, if all are good, are those of all of the pad."""
-    if quad.quality is not Quality.COMPLETE:
-        return quad
-    family = catalog.families[index]
-    turn, aside = measured_skew(quad, catalog.width)
-    if turn > MOST_TURN or aside > MOST_ASIDE:
-        return replace(quad, quality=Quality.MERGED)
-    if measured_grazing(quad, catalog.width) < catalog.grazing[family.pad]:
-        return replace(quad, quality=Quality.FLAT)
-    whole = family.complete[_around(value)]
-    wanted, of_finger = family.extent[value].tolist()
-    length, of_corners = measured_length(quad, catalog.width, lens)
-    deviation = math.hypot(of_corners, of_finger)
-    allowed = LENGTH_SHARE * wanted + LENGTH_DEVIATIONS * deviation
-    short = allowed if whole.min() == 1 else DOUBTED_DEVIATIONS * deviation
-    if whole.max() == 0 or length < wanted - short:
-        return replace(quad, quality=Quality.CLIPPED)
-    beside = _beside(catalog.families, index, value, quad, NEIGHBOR * lens.shape[0] / 1080)
-    if length <= wanted + (allowed if beside is None else DOUBTED_DEVIATIONS * deviation):
-        return quad
-    if beside is None or length > (1 + LONGER) * wanted + allowed:
-        return replace(quad, quality=Quality.MERGED)
-    return shortened(quad, catalog.width, family.extent[value], lens, 1 - beside)
-
-
 def _around(value: int) -> slice:
     """The indices of a joint's best value and of its neighbours."""
     return slice(max(value - AROUND, 0), value + AROUND + 1)
@@ -504,10 +532,10 @@ def _off_border(corners: Float[np.ndarray, "4 2"], lens: Lens) -> Bool[np.ndarra
 
 
 def _beside(
-    families: Sequence[ViewFamily], index: int, value: int, quad: Quad, near: float
+    families: Sequence[ViewFamily], index: int, value: int, quad: Quad, lens: Lens
 ) -> int | None:
     """At which end of a view another one lies by the catalogue; ``None`` where none is near."""
-    nearest, found = near, None
+    nearest, found = NEIGHBOR * lens.shape[0] / 1080, None
     for other, family in enumerate(families):
         at = 0 if family.joint is None else value
         if other == index or family.joint not in (None, families[index].joint):

@@ -55,6 +55,9 @@ CLEAR = 0.5
 """Other sides' edges are clear of at least this part of every side: a line through less of it would
 be extended to a corner by more than its own length."""
 
+ENDS_OF_SIDES = (None, 1, None, 0)
+"""Which end of a view each side from corner to corner is, in the order of `Quad`, if any."""
+
 NEAR_BORDER = 3
 """A blob within so many pixels of the image's border is cut off by it."""
 
@@ -129,8 +132,17 @@ def follow_quad(
     lens: Lens,
     corners: Float[np.ndarray, "4 2"],
     lamps: Mask | None = None,
+    beside: int | None = None,
 ) -> Quad | None:
     """The view whose corners are expected at given places; as `fit_quad` otherwise.
+
+    Args:
+        gray: light, float32.
+        lens: of the camera.
+        corners: in the order of `Quad`.
+        lamps: where lamps are in view, if any are.
+        beside: the end (0 the lower, 1 the upper) that adjoins another view: where light does not
+            rise to that, none is returned.
 
     Example:
         >>> import cv2
@@ -151,7 +163,8 @@ def follow_quad(
         return None
     outline = np.clip(np.round(corners).astype(int), 0, np.array(gray.shape[::-1]) - 1)
     checked_brightness(gray, lens.shape, outline)
-    return _settled(gray, lens, plane, flat, outline, lamps)
+    side = None if beside is None else ENDS_OF_SIDES.index(beside)
+    return _settled(gray, lens, plane, flat, outline, lamps, side)
 
 
 def _settled(
@@ -161,9 +174,10 @@ def _settled(
     corners: Float[np.ndarray, "4 2"],
     contour: Int[np.ndarray, "_ 2"],
     lamps: Mask | None,
+    beside: int | None = None,
 ) -> Quad | None:
     """The view whose sides are found from its first corners in the tangent plane."""
-    found, places = _refined(gray, lens, plane, corners, lamps), None
+    found, places = _refined(gray, lens, plane, corners, lamps, beside), None
     for _ in range(STEPS - 1):
         # A blotch, hardly there on any side, is not looked at more closely.
         if found is None or found.edges.contrast.max() < LEAST_CONTRAST:
@@ -171,8 +185,8 @@ def _settled(
         before, places = places, lens.project(plane.rays(found.corners))
         if before is not None and np.abs(places - before).max() < SETTLED:
             break
-        found = _refined(gray, lens, plane, found.corners, lamps)
-    if found is None:
+        found = _refined(gray, lens, plane, found.corners, lamps, beside)
+    if found is None or (beside is not None and not found.edges.seam):
         return None
     rays = plane.rays(found.corners)
     rows, columns = gray.shape
@@ -267,10 +281,11 @@ def _refined(
     plane: TangentPlane,
     corners: Float[np.ndarray, "4 2"],
     lamps: Mask | None,
+    beside: int | None,
 ) -> _Outline | None:
     """One round of finding edges and fitting lines; ``None`` where these do not meet."""
     sides = [Side(corners[i], corners[(i + 1) % 4]) for i in range(4)]
-    edges = find_edges(gray, lens, plane, sides, lamps)
+    edges = find_edges(gray, lens, plane, sides, lamps, beside)
     lines = fit_lines(edges)
     moved = _meeting(sides, lines)
     return None if moved is None else _Outline(sides, edges, lines, moved)

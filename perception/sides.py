@@ -57,6 +57,11 @@ RISE, BRIGHTENED, STEEPER, NEAR = 10.0, 1.2, 2.5, 4
 """Within twice so many samples light rises to a lamp beside a pad by so many codes and times, and
 by so many times as much as just before: on a pad it changes gradually."""
 
+RISE_TO_VIEW, BRIGHTENED_BY_VIEW = 5.0, 1.05
+"""The same where another view is expected beside a pad: behind a seam any rise is to that.
+
+Light on a pad does not fall and rise again along most of a side."""
+
 LIT, VALLEY = 0.5, 0.9
 """A lamp is beside more than this part of a side. A gap between it and the pad is darker than this
 share of the pad."""
@@ -114,6 +119,7 @@ class Edges:
             brightness does not fall to the dark, and its half is no edge; next to a lamp in view it
             rises, and is clipped.
         lit: which sides are beside a lamp.
+        seam: whether light rises to another view, beside the side where one is expected.
     """
 
     shares: Float[np.ndarray, " points"]
@@ -125,6 +131,7 @@ class Edges:
     clear: Float[np.ndarray, " sides"]
     doubt: Float[np.ndarray, " sides"]
     lit: Bool[np.ndarray, " sides"]
+    seam: bool = False
 
 
 @dataclass(frozen=True)
@@ -159,10 +166,11 @@ def find_edges(
     plane: TangentPlane,
     sides: list[Side],
     lamps: Mask | None = None,
+    adjoining: int | None = None,
 ) -> Edges:
     """The edges of all sides: where light first falls below half of its step outward.
 
-    Beside a lamp in view it rises instead, or falls to a gap before it.
+    Beside a lamp in view, or a brighter view, it rises instead, or falls to a gap before it.
 
     Args:
         gray: light, float32.
@@ -170,6 +178,7 @@ def find_edges(
         plane: in which the sides are straight.
         sides: where they are expected.
         lamps: where lamps are in view, if any are.
+        adjoining: index of the side beside which another view is expected, if one is.
     """
     shares = np.linspace(TRIMMED, 1 - TRIMMED, POINTS)
     flat = np.concatenate([side.places(shares) for side in sides])
@@ -190,9 +199,12 @@ def find_edges(
     inside = np.quantile(inner, BRIGHTER, axis=1)
     outside = profile[:, SAMPLES // 2 :].min(axis=1)
     lit, glow = np.zeros(len(flat), bool), np.zeros(len(flat))
-    if lamps is not None and lamps.any():
-        lamp = sampled(lamps, places[:, 2 * NEAR :]) > 0
-        rise = _rises(long, lens, lamp, _depths(sides, flat, outward) * scale)
+    seam = np.repeat(np.arange(len(sides)) == adjoining, POINTS)
+    if adjoining is not None or (lamps is not None and lamps.any()):
+        lamp = np.zeros(profile.shape, bool)
+        if lamps is not None:
+            lamp = sampled(lamps, places[:, 2 * NEAR :]) > 0
+        rise = _rises(long, lens, lamp, seam, _depths(sides, flat, outward) * scale)
         lit = np.repeat((rise < SAMPLES).reshape(shape).mean(axis=1) > LIT, POINTS)
         profile[lit], inside[lit], outside[lit], glow[lit] = _before_lamps(
             profile[lit], lens, rise[lit]
@@ -238,7 +250,8 @@ def find_edges(
         width=width,
         clear=clear.reshape(shape).mean(axis=1),
         doubt=doubt,
-        lit=by_lamps,
+        lit=by_lamps & ~seam[::POINTS],
+        seam=bool((by_lamps & seam[::POINTS]).any()),
     )
 
 
@@ -258,6 +271,7 @@ def _rises(
     profile: Float[np.ndarray, "places longer"],
     lens: Lens,
     lamp: Bool[np.ndarray, "places samples"],
+    seam: Bool[np.ndarray, " places"],
     depths: Float[np.ndarray, " places"],
 ) -> Int[np.ndarray, " places"]:
     """Where light first rises steeply outward, in samples; their number where it does not.
@@ -266,16 +280,19 @@ def _rises(
         profile: of light, which begins so much before that of the edges as the rise is wide.
         lens: of the camera.
         lamp: where lamps are: to there it rises.
+        seam: where another view is expected: it may rise to that anywhere.
         depths: px to another side of the view, beyond which the edge of that may rise.
     """
     earlier, before, behind = (
         profile[:, 2 * NEAR * i :][:, : SAMPLES - 2 * NEAR] for i in range(3)
     )
-    steep = behind > np.maximum(BRIGHTENED * before, before + STEEPER * (before - earlier))
+    brightened = np.where(seam, BRIGHTENED_BY_VIEW, BRIGHTENED)[:, None]
+    steep = behind > np.maximum(brightened * before, before + STEEPER * (before - earlier))
     inward = np.linspace(-REACH, REACH, SAMPLES)[: -2 * NEAR]
     steep &= inward > 2.0 - depths[:, None]
-    steep &= lamp[:, 2 * NEAR :]
-    steep[steep] = lens.codes(behind[steep]) - lens.codes(before[steep]) > RISE
+    steep &= lamp[:, 2 * NEAR :] | seam[:, None]
+    enough = np.broadcast_to(np.where(seam, RISE_TO_VIEW, RISE)[:, None], steep.shape)[steep]
+    steep[steep] = lens.codes(behind[steep]) - lens.codes(before[steep]) > enough
     first = np.argmax(steep, axis=1)
     counts = np.arange(steep.shape[1])
     near = (counts >= first[:, None]) & (counts <= first[:, None] + 2 * NEAR)

@@ -256,20 +256,42 @@ def test_a_view_that_is_not_as_long_as_its_pad_is_not_all_of_it(share, quality):
     assert found_in(sighting, *VIEWS[ALONE]).quality is quality
 
 
+def beside_at(end: int, corners: np.ndarray) -> ViewCatalog:
+    """With a family beside an end of a view, as a pad that touches this one would have."""
+    beside = corners.copy()
+    own = [[0, 3], [1, 2]][end]
+    beside[:, 1] += corners[own, 1].mean() - corners[1 - end, 1]
+    family = dataclasses.replace(KNOWN.families[ALONE], pad="beside", wanted=False)
+    family = dataclasses.replace(family, corners=beside[None])
+    return dataclasses.replace(KNOWN, families=[*KNOWN.families, family])
+
+
 @pytest.mark.parametrize("share", [1.02, 1.06, 1.1])
 @pytest.mark.parametrize("end", [0, 1])
 def test_a_view_that_has_run_into_its_neighbour_ends_where_the_pad_does(share, end):
     corners = still_of_length(share, kept=1 - end)
-    # A family beside that end, as a pad that touches this one would have.
-    own = [[0, 3], [1, 2]][end]
-    beside = corners.copy()
-    beside[:, 1] += corners[own, 1].mean() - corners[1 - end, 1]
-    family = dataclasses.replace(KNOWN.families[ALONE], pad="beside", wanted=False)
-    family = dataclasses.replace(family, corners=beside[None])
-    known = dataclasses.replace(KNOWN, families=[*KNOWN.families, family])
-    view = found_in(match_views([quad_of(corners)], known, LENS), *VIEWS[ALONE])
+    view = found_in(match_views([quad_of(corners)], beside_at(end, corners), LENS), *VIEWS[ALONE])
     assert view.quality is Quality.COMPLETE
     np.testing.assert_allclose(view.corners, still_of_length(1.0), atol=1e-6)
+
+
+@pytest.mark.parametrize("share", [0.98, 1.02])
+@pytest.mark.parametrize("end", [0, 1])
+def test_beside_another_view_the_seam_ends_a_view_unless_it_ends_before(share, end):
+    """What `follow` finds at the seam is the pad; the view was found longer, or shorter."""
+    corners, seam = still_of_length(share, kept=1 - end), still_of_length(1.0, kept=1 - end)
+    asked = []
+
+    def follow(start, beside):
+        asked.append(beside)
+        return quad_of(seam) if beside == end else None
+
+    sighting = match_views([quad_of(corners)], beside_at(end, corners), LENS, follow)
+    view = found_in(sighting, *VIEWS[ALONE])
+    assert end in asked
+    assert 1 - end not in asked
+    assert view.quality is Quality.COMPLETE
+    np.testing.assert_allclose(view.corners, seam if share > 1 else corners, atol=1e-6)
 
 
 @pytest.mark.parametrize("end", [0, 1])

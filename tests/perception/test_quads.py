@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from perception.detection import detect_quads
 from perception.lens import Lens
-from perception.quads import LEAST_CONTRAST, Quad, first_corners, fit_quad, ordered
+from perception.quads import LEAST_CONTRAST, Quad, first_corners, fit_quad, follow_quad, ordered
 from perception.quality import Quality
 from tests.perception.drawn import BRIGHT, DARK, Eye, Pad, defocused, drawn, rays_of, stored
 
@@ -208,3 +208,44 @@ def test_first_corners_of_a_trapezium_are_its_own(left, shift, low_width, high_w
 def test_corners_in_any_order_are_put_in_the_same_order(order):
     corners = np.array([[-1.0, -1.0], [-2.0, 3.0], [4.0, 2.5], [3.0, -1.5]])
     np.testing.assert_array_equal(ordered(corners[list(order)]), corners)
+
+
+SLIVER = 1.5
+"""mm of another pad that are seen beside one, about as many pixels wide as edges are blurred."""
+
+
+def run_into_another(end: int, gap: float, brighter: float) -> tuple[np.ndarray, np.ndarray]:
+    """An image of a pad and of a little of another beside one end, and corners of both as one."""
+    pad = PADS["before"]
+    ends = [np.asarray(pad.first), np.asarray(pad.second)]
+    outward = (2 * end - 1) * pad.step
+    other = [ends[end] + part * outward for part in (gap, gap + SLIVER)]
+    light = drawn(
+        WIDE,
+        [pad, Pad(tuple(other[0]), tuple(other[1]))],
+        [lambda at: np.full(len(at), 80.0), lambda at: np.full(len(at), brighter * 80.0)],
+    )
+    ends[end] = other[1]
+    gray = stored(cv2.GaussianBlur(light, (0, 0), 0.7), 1.0).astype(np.float32)
+    return gray, WIDE.places(Pad(tuple(ends[0]), tuple(ends[1])).corners())
+
+
+@pytest.mark.parametrize("end", [0, 1])
+@pytest.mark.parametrize(("gap", "brighter"), [(0.0, 1.2), (0.0, 1.8), (0.2, 1.2), (1.0, 1.0)])
+def test_a_view_that_has_run_into_a_brighter_one_ends_at_the_seam(end, gap, brighter):
+    gray, both = run_into_another(end, gap, brighter)
+    quad = follow_quad(gray, LENS, both, beside=end)
+    assert quad is not None
+    assert quad.quality is Quality.COMPLETE
+    off = quad.corners - WIDE.places(PADS["before"].corners())
+    assert np.abs(off).max() < 1.0
+    spread = np.linalg.inv(quad.covariance + 0.1**2 * np.eye(2))
+    assert np.einsum("ci,cij,cj->c", off, spread, off).max() < 3.5**2
+
+
+@pytest.mark.parametrize("end", [0, 1])
+def test_where_light_does_not_rise_to_another_view_there_is_no_seam(end):
+    pad = PADS["before"]
+    gray = stored(light_of(pad), 2.0).astype(np.float32)
+    assert follow_quad(gray, LENS, WIDE.places(pad.corners())) is not None
+    assert follow_quad(gray, LENS, WIDE.places(pad.corners()), beside=end) is None

@@ -77,8 +77,7 @@ class FingerSensor:
         if rows is not None:
             pixels = jnp.full_like(scene.camera.pixels, rows)
             scene = eqx.tree_at(lambda s: s.camera.pixels, scene, pixels)
-        # Views that adjoin others are not told from them surely enough yet in fingers that lean.
-        return cls.of_scene(scene, spec.width, in_section(deviations_of(spec.tolerances, scene)))
+        return cls.of_scene(scene, spec.width, deviations_of(spec.tolerances, scene))
 
     @classmethod
     def of_scene(cls, scene: Scene, width: float, deviations: Fabrication) -> FingerSensor:
