@@ -33,6 +33,9 @@ LEAST_AREA = 1.5e-4
 STEADY = 0.5
 """An edge moves by less than so many pixels from threshold to threshold; a gradient by more."""
 
+MOSTLY = 0.3
+"""Of a blob whose outline wanders, more than this part is in its stable branches."""
+
 UNEVEN, AREAS = 0.25, 2.5
 """Halves of one view differ in their rows by less than this part, and in area by less than this
 ratio."""
@@ -156,7 +159,9 @@ def _best(node: _Node) -> tuple[list[Blob], float]:
     """The blobs of a tree, and by how many pixels a threshold moves the least stable of them.
 
     They are those of its branches where all of these are stable, else the stablest of its stem.
-    What only a gradient of light parts is not stable: its outline wanders with the threshold.
+    What only a gradient of light parts is not stable: its outline wanders with the threshold. Where
+    that of the stem wanders, too, as about a pad on walls that it lights, most of it in stable
+    branches is enough.
     """
     chain = [node.blob]
     while len(parts := _parts(node)) == 1:
@@ -166,6 +171,10 @@ def _best(node: _Node) -> tuple[list[Blob], float]:
     if parts:
         branches = [_best(part) for part in parts]
         worst = max(shift for _, shift in branches)
+        steady = [(blobs, shift) for blobs, shift in branches if shift <= STEADY]
+        filled = sum(blob.area for blobs, _ in steady for blob in blobs)
+        if shift > STEADY and filled > MOSTLY * chain[-1].area:
+            worst = max(shift for _, shift in steady)
         if worst <= max(STEADY, shift):
             return [blob for blobs, _ in branches for blob in blobs], worst
     return [blob], shift

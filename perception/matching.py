@@ -33,8 +33,10 @@ LENGTH_SHARE, LENGTH_DEVIATIONS = 0.01, 2.5
 """A pad's length may come out wrong by that share and by so many standard deviations."""
 
 DOUBTED_DEVIATIONS = 1.0
-"""By so many only too short, where a part may be hidden, and too long, beside another view without
-a look for the seam between them."""
+"""By so many only too long, beside another view without a look for the seam between them."""
+
+HIDDEN = 0.1
+"""Where a part of a pad is hidden in some fingers only, it is less than this part."""
 
 STRAIGHT = 1.5
 """px: edges scatter less about the sides of a pad, however rough; in noise 2.5 at least."""
@@ -311,6 +313,9 @@ class _Search(NamedTuple):
         """A quadrilateral, and whether its sides, if all are good, are those of all of the pad."""
         if quad.quality is not Quality.COMPLETE:
             return quad
+        # Edges are found in noise, too, but not in a line.
+        if quad.scatter >= STRAIGHT:
+            return replace(quad, quality=Quality.LOW_CONTRAST)
         catalog, lens = self.catalog, self.lens
         family = catalog.families[index]
         turn, aside = measured_skew(quad, catalog.width)
@@ -318,18 +323,20 @@ class _Search(NamedTuple):
             return replace(quad, quality=Quality.MERGED)
         if measured_grazing(quad, catalog.width) < catalog.grazing[family.pad]:
             return replace(quad, quality=Quality.FLAT)
-        whole = family.complete[_around(value)]
+        whole = float(family.complete[_around(value)].mean())
         wanted, of_finger = family.extent[value].tolist()
         length, of_corners = measured_length(quad, catalog.width, lens)
         deviation = math.hypot(of_corners, of_finger)
         allowed = LENGTH_SHARE * wanted + LENGTH_DEVIATIONS * deviation
-        doubted = DOUBTED_DEVIATIONS * deviation
-        if whole.max() == 0 or length < wanted - (allowed if whole.min() == 1 else doubted):
+        short = allowed
+        if 0 < whole < 1:
+            short = min(short, deviation * _doubted_from(whole, deviation / wanted))
+        if whole == 0 or length < wanted - short:
             return replace(quad, quality=Quality.CLIPPED)
         beside = _beside(catalog.families, index, value, quad, lens)
         # Where the image can be searched for a seam, a view without one has not run into another.
         unsure = beside is not None and self.follow is None
-        if length <= wanted + (doubted if unsure else allowed):
+        if length <= wanted + (DOUBTED_DEVIATIONS * deviation if unsure else allowed):
             return quad
         if beside is None or length > (1 + LONGER) * wanted + allowed:
             return replace(quad, quality=Quality.MERGED)
@@ -349,28 +356,35 @@ class _Search(NamedTuple):
         if self.follow is None or not np.isfinite(start).all():
             return None
         quad = self.follow(start, beside)
-        # Edges are found in noise, too, but not in a line.
-        if quad is None or quad.scatter >= STRAIGHT:
+        if quad is None:
             return None
-        judged = self.judged(index, value, quad)
         length, deviation = measured_length(quad, self.catalog.width, self.lens)
         # Looked for where it is expected, it shows by its length that it is there.
-        known = judged.quality is Quality.COMPLETE and deviation < KNOWN * length
-        return quad if known else None
+        known = self.judged(index, value, quad) is quad and deviation < KNOWN * length
+        return quad if known and quad.quality is Quality.COMPLETE else None
 
-    def clearest(
+    def likeliest(
         self, index: int, value: int, starts: Iterable[Float[np.ndarray, "4 2"]]
     ) -> Quad | None:
-        """Of the complete views from several starts the one whose faintest side is clearest."""
+        """Of the complete views from several starts the one whose length is the pad's most likely.
+
+        It is where four sides are surely those of the pad, not of what adjoins it.
+        """
+        wanted, of_finger = self.catalog.families[index].extent[value].tolist()
+
+        def likelihood(quad: Quad) -> float:
+            length, of_corners = measured_length(quad, self.catalog.width, self.lens)
+            deviation = math.hypot(of_corners, of_finger)
+            return -(((length - wanted) / deviation) ** 2) / 2 - math.log(deviation)
+
         found = [self.complete(index, value, start) for start in starts]
-        there = [quad for quad in found if quad is not None]
-        return max(there, key=lambda quad: quad.contrast, default=None)
+        return max((quad for quad in found if quad is not None), key=likelihood, default=None)
 
     def mended(self, index: int, value: int, quad: Quad) -> Quad:
         """A view that runs into something bright, looked for again where its pad would end."""
         catalog, lens = self.catalog, self.lens
-        quality = self.judged(index, value, quad).quality
-        if quality not in (Quality.COMPLETE, Quality.MERGED):
+        judged = self.judged(index, value, quad)
+        if judged.quality not in (Quality.COMPLETE, Quality.MERGED):
             return quad
         extent = catalog.families[index].extent[value]
         starts = [shortened(quad, catalog.width, extent, lens, kept).corners for kept in range(2)]
@@ -380,9 +394,11 @@ class _Search(NamedTuple):
             # One that ends before the seam ends in the dark, and has not run into the other.
             if at_seam is not None and self.length(at_seam) < self.length(quad):
                 return at_seam
-        if quality is Quality.COMPLETE:
+        if judged is quad:
             return quad
-        return self.clearest(index, value, starts) or quad
+        # At both ends it may have run into something.
+        starts.append((starts[0] + starts[1]) / 2)
+        return self.likeliest(index, value, starts) or quad
 
     def length(self, quad: Quad) -> float:
         """A pad's length as a view shows it, mm."""
@@ -406,7 +422,7 @@ class _Search(NamedTuple):
                 reach = AGREEING * float(family.spread[0].max())
                 rows = np.arange(-reach, reach + 1, STEP)
                 starts = (_expected(family, 0, np.array([0.0, row])) for row in rows)
-                quad = self.clearest(index, 0, starts)
+                quad = self.likeliest(index, 0, starts)
                 clear = [one.contrast for one in near if one.quality is Quality.COMPLETE]
                 if quad is not None and quad.contrast < FAINTER * max(clear, default=0):
                     quad = None
@@ -510,6 +526,19 @@ def _found(
         covariance=quad.covariance[order],
         area=quad.area,
     )
+
+
+def _doubted_from(share: float, deviation: float) -> float:
+    """By how many standard deviations short a view is as likely all of its pad as a part of it.
+
+    Fewer than none are standard deviations too long.
+
+    Args:
+        share: of the fingers of which it is all.
+        deviation: of the length, as a part of it.
+    """
+    odds = share / (1 - share) * HIDDEN / (math.sqrt(2 * math.pi) * deviation)
+    return math.copysign(math.sqrt(2 * abs(math.log(odds))), odds - 1)
 
 
 def _around(value: int) -> slice:

@@ -19,6 +19,8 @@ from studies.models.sensor.poses import spread_angles
 from studies.oracles.judge.capture import Capture
 from studies.oracles.judge.contacts import Contact
 from studies.oracles.judge.fabrication import sample_errors
+from studies.oracles.judge.solids import FOOT, TOP
+from studies.oracles.judge.solids import GAP as GAP_IN_AIR
 
 WIDTH = 24.0
 """Of the pads, mm."""
@@ -108,6 +110,20 @@ def nominal(layers: str) -> dict[str, Any]:
     if layers in PUPIL:
         tables["camera"]["pupil_shift"] = PUPIL[layers]
     return tables
+
+
+def with_lamps(tables: dict[str, Any]) -> dict[str, Any]:
+    """With what hides pads behind the lamps that stand across the section, in air."""
+    lamps = []
+    for pad in tables["pads"]:
+        start, end = (complex(*pad[one]) for one in ("from", "to"))
+        along = (end - start) / abs(end - start)
+        up = 1j * along if pad["side"] == "left" else -1j * along
+        foot, top = (start - GAP_IN_AIR * along + height * up for height in (FOOT, TOP))
+        place = {"from": [foot.real, foot.imag], "to": [top.real, top.imag]}
+        body = {"body": pad["body"]} if "body" in pad else {}
+        lamps.append({"name": f"lamp of {pad['name']}"} | place | body)
+    return {**tables, "blockers": [*tables["blockers"], *lamps]}
 
 
 def without_layers(tables: Mapping[str, Any]) -> Scene:

@@ -41,6 +41,7 @@ from studies.image_check.cases import (
     in_deviations,
     nominal,
     plain,
+    with_lamps,
     without_layers,
 )
 from studies.models.sensor.finger_sensor import FingerSensor, deviations_of, in_section
@@ -133,27 +134,29 @@ class Findings:
         self.frames = Records()
         self.shown: dict[tuple[str, str], tuple[Photograph, Sighting]] = {}
         self._spec, self._label = spec, math.radians(spec.label_deviation_deg)
-        self._sensors: dict[tuple[str, bool], FingerSensor] = {}
+        self._sensors: dict[tuple[str, bool, bool], FingerSensor] = {}
 
-    def sensor(self, layers: str, *, air: bool = False) -> FingerSensor:
+    def sensor(self, layers: str, light: str, *, air: bool = False) -> FingerSensor:
         """The finger with such layers as designed; or as the model in air and section has it."""
-        if (layers, air) not in self._sensors:
-            tables = nominal(layers)
+        # Lamps that are coupled to layers, or behind a gap beside these, hide nothing of a pad.
+        lamps = light != EVEN and layers == "none"
+        if (layers, lamps, air) not in self._sensors:
+            tables = with_lamps(nominal(layers)) if lamps else nominal(layers)
             scene = without_layers(tables) if air else parse_scene(tables, "finger")
             deviations = deviations_of(self._spec.tolerances, scene)
             if air:
                 deviations = in_section(deviations)
-            self._sensors[layers, air] = FingerSensor.of_scene(scene, WIDTH, deviations)
-        return self._sensors[layers, air]
+            self._sensors[layers, lamps, air] = FingerSensor.of_scene(scene, WIDTH, deviations)
+        return self._sensors[layers, lamps, air]
 
     def add(self, finger: Finger, photos: Sequence[Photograph], seed: int) -> None:
         """Find views and joint angles in the pictures of one finger."""
         angles = np.deg2rad(finger.poses)
         gamma = finger.captures[0].gamma
         where = {"finger": finger.number, "light": finger.light, "layers": finger.layers}
-        models = {MODELS[0]: self.sensor(finger.layers)}
+        models = {MODELS[0]: self.sensor(finger.layers, finger.light)}
         if finger.light == EVEN and finger.layers != "none":
-            models[MODELS[1]] = self.sensor(finger.layers, air=True)
+            models[MODELS[1]] = self.sensor(finger.layers, finger.light, air=True)
         noise = np.random.default_rng([seed, finger.number, 1]).standard_normal(angles.shape)
         labels = (angles + self._label * noise)[: self._spec.labelled]
         for name, sensor in models.items():

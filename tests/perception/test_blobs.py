@@ -78,6 +78,20 @@ def test_neither_a_gradient_nor_two_broad_highlights_part_a_pad(look, low):
     check(found(light, noise=1.0), (100, 300))
 
 
+@pytest.mark.parametrize(("glow", "spread", "bump"), [(30, 40, 30), (40, 25, 40), (60, 25, 40)])
+def test_a_pad_on_walls_that_it_lights_has_its_own_outline(glow, spread, bump):
+    """Their light fades away from it, with a bump; outlines of both wander with the threshold."""
+    down, across = (
+        np.maximum(np.abs(DOWN - 200) - 100, 0),
+        np.maximum(np.abs(ACROSS - 350) - 150, 0),
+    )
+    light = DARK + glow * np.exp(-np.hypot(down, across) / 40)
+    light += bump * np.exp(-((DOWN - 200) ** 2 + (ACROSS - 580) ** 2) / 2 / spread**2)
+    light[box(100, 300)] = BRIGHT
+    pads = [blob for blob in found(light) if blob.contour[:, 0].min() < 350]
+    check(pads, (100, 300))
+
+
 def test_outline_and_area_stay_within_a_pixel_over_exposures():
     light = background()
     light[box(*PAD)], light[box(230, 400)] = BRIGHT, 0.6 * BRIGHT

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from perception.lengths import measured_grazing
-from perception.matching import Sighting, View, ViewCatalog, ViewFamily, match_views
+from perception.matching import STRAIGHT, Sighting, View, ViewCatalog, ViewFamily, match_views
 from perception.quads import Quad
 from perception.quality import Quality
 from tests.perception.drawn import Eye, Pad, quad_at
@@ -292,6 +292,41 @@ def test_beside_another_view_the_seam_ends_a_view_unless_it_ends_before(share, e
     assert 1 - end not in asked
     assert view.quality is Quality.COMPLETE
     np.testing.assert_allclose(view.corners, seam if share > 1 else corners, atol=1e-6)
+
+
+def test_a_view_that_has_run_into_something_at_both_ends_is_looked_for_between():
+    corners, pad = still_of_length(1.0), still_of_length(1.0)
+    corners[:, 1] += np.where(corners[:, 1] > pad[:, 1].mean(), 12.0, -12.0)
+
+    def follow(start, _):
+        off = np.abs(start - pad).max()
+        return quad_of(pad if off < 8 else corners)
+
+    sighting = match_views([quad_of(corners)], KNOWN, LENS)
+    assert found_in(sighting, *VIEWS[ALONE]).quality is Quality.MERGED
+    view = found_in(match_views([quad_of(corners)], KNOWN, LENS, follow), *VIEWS[ALONE])
+    assert view.quality is Quality.COMPLETE
+    np.testing.assert_allclose(view.corners, pad, atol=1e-6)
+
+
+def test_of_views_from_several_starts_the_one_as_long_as_the_pad_counts():
+    """The other is within the tolerance, too, as its length is little known."""
+    corners, pad = still_of_length(1.1), still_of_length(1.0)
+    long = quad_of(still_of_length(1.03), deviation=1.0)
+    long = dataclasses.replace(long, contrast=200.0)
+
+    def follow(start, _):
+        # From one of the two ends, and from the other.
+        return long if start[:, 1].max() > pad[:, 1].max() + 3 else quad_of(pad)
+
+    view = found_in(match_views([quad_of(corners)], KNOWN, LENS, follow), *VIEWS[ALONE])
+    np.testing.assert_allclose(view.corners, pad, atol=1e-6)
+
+
+def test_sides_that_are_no_lines_are_none_of_a_pad():
+    quads = [dataclasses.replace(quad, scatter=STRAIGHT) for quad in quads_of(corners_in(BOTH))]
+    sighting = match_views(quads, KNOWN, LENS)
+    assert {view.quality for view in sighting.views} == {Quality.LOW_CONTRAST}
 
 
 @pytest.mark.parametrize("end", [0, 1])

@@ -5,11 +5,13 @@ import importlib.util
 from collections import Counter
 from contextlib import nullcontext
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from designopt import Context, UserError
 from optics import parse_scene
+from optics.scene.scene import place
 from studies.image_check import ImageCheckSpec
 from studies.image_check import run as study
 from studies.image_check.cases import (
@@ -20,10 +22,12 @@ from studies.image_check.cases import (
     in_deviations,
     nominal,
     plain,
+    with_lamps,
     without_layers,
 )
 from studies.models.sensor.finger_sensor import deviations_of
 from studies.models.sensor.spec import MadeSpec
+from studies.oracles.judge.solids import faces_of
 from tests.studies.quick import quick_run
 
 
@@ -54,6 +58,22 @@ def test_errors_are_counted_in_their_standard_deviations():
         assert numbers.size == sum(np.size(value) for value in plain(deviations).values())
         assert numbers[2] == one.errors["lateral"] / 0.3
         assert np.abs(numbers).max() < 5
+
+
+def test_lamps_across_the_section_stand_where_the_judge_has_them():
+    tables = nominal("none")
+    pose = {"pip": 20.0, "dip": 40.0}
+    faces = faces_of(tables, pose, lamps=True)
+    theirs = [face.corners for face in faces if face.kind == "lamp" and face.lamp == 1]
+    scene = parse_scene(with_lamps(tables), "finger")
+    own = [i for i, part in enumerate(scene.layout.surfaces) if part.name.startswith("lamp of")]
+    placed = place(scene, jnp.deg2rad(jnp.array([20.0, 40.0])))
+    there = placed.absolute(placed.corners)
+    corners = np.stack([there.x, there.y], axis=-1)[own]
+    assert len(theirs) == len(own) == 3
+    for one, other in zip(theirs, corners, strict=True):
+        ends = np.unique(one[:, :2].round(9), axis=0)
+        np.testing.assert_allclose(ends, np.unique(other, axis=0), atol=1e-6)
 
 
 def test_in_air_the_finger_has_neither_layers_nor_a_pupil_that_moves():
