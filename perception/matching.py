@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -35,8 +36,7 @@ LENGTH_SHARE, LENGTH_DEVIATIONS = 0.01, 2.5
 DOUBTED_DEVIATIONS = 1.0
 """By so many only too long, beside another view without a look for the seam between them."""
 
-HIDDEN = 0.1
-"""Where a part of a pad is hidden in some fingers only, it is less than this part."""
+NORMAL = NormalDist()
 
 STRAIGHT = 1.5
 """px: edges scatter less about the sides of a pad, however rough; in noise 2.5 at least."""
@@ -330,7 +330,9 @@ class _Search(NamedTuple):
         allowed = LENGTH_SHARE * wanted + LENGTH_DEVIATIONS * deviation
         short = allowed
         if 0 < whole < 1:
-            short = min(short, deviation * _doubted_from(whole, deviation / wanted))
+            ends = family.corners[value, [0, 3]].mean(axis=0), family.corners[value, [1, 2]].mean(0)
+            away = float(family.spread[value].max() / np.hypot(*np.subtract(*ends)))
+            short = min(short, deviation * _doubted_from(whole, deviation / wanted, away))
         if whole == 0 or length < wanted - short:
             return replace(quad, quality=Quality.CLIPPED)
         beside = _beside(catalog.families, index, value, quad, lens)
@@ -384,7 +386,8 @@ class _Search(NamedTuple):
         """A view that runs into something bright, looked for again where its pad would end."""
         catalog, lens = self.catalog, self.lens
         judged = self.judged(index, value, quad)
-        if judged.quality not in (Quality.COMPLETE, Quality.MERGED):
+        cut = judged.quality in (Quality.FLAT, Quality.CLIPPED)
+        if quad.quality is not Quality.COMPLETE or cut:
             return quad
         extent = catalog.families[index].extent[value]
         starts = [shortened(quad, catalog.width, extent, lens, kept).corners for kept in range(2)]
@@ -528,16 +531,20 @@ def _found(
     )
 
 
-def _doubted_from(share: float, deviation: float) -> float:
+def _doubted_from(share: float, deviation: float, spread: float) -> float:
     """By how many standard deviations short a view is as likely all of its pad as a part of it.
 
-    Fewer than none are standard deviations too long.
+    What hides a part moves over the pad's end by errors of fabrication, as far as that end moves
+    (normal): of the fingers that hide a part, so many hide as much as a view is short. Fewer than
+    none are standard deviations too long.
 
     Args:
         share: of the fingers of which it is all.
         deviation: of the length, as a part of it.
+        spread: of the ends, as a part of the length.
     """
-    odds = share / (1 - share) * HIDDEN / (math.sqrt(2 * math.pi) * deviation)
+    hidden = NORMAL.pdf(NORMAL.inv_cdf(share)) / max(spread, deviation)
+    odds = share * NORMAL.pdf(0) / deviation / hidden
     return math.copysign(math.sqrt(2 * abs(math.log(odds))), odds - 1)
 
 

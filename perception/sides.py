@@ -204,7 +204,11 @@ def find_edges(
         lamp = np.zeros(profile.shape, bool)
         if lamps is not None:
             lamp = sampled(lamps, places[:, 2 * NEAR :]) > 0
-        rise = _rises(long, lens, lamp, seam, _depths(sides, flat, outward) * scale)
+        # A lamp along the section may be seen too thin to be clipped.
+        upright = np.repeat(np.arange(len(sides)) % 2 == 0, POINTS)
+        along = upright if lamps is not None and lamps.any() else np.zeros_like(upright)
+        toward = lamp | (along | seam)[:, None]
+        rise = _rises(long, lens, toward, seam, _depths(sides, flat, outward) * scale)
         lit = np.repeat((rise < SAMPLES).reshape(shape).mean(axis=1) > LIT, POINTS)
         profile[lit], inside[lit], outside[lit], glow[lit] = _before_lamps(
             profile[lit], lens, rise[lit]
@@ -270,7 +274,7 @@ def _depths(
 def _rises(
     profile: Float[np.ndarray, "places longer"],
     lens: Lens,
-    lamp: Bool[np.ndarray, "places samples"],
+    toward: Bool[np.ndarray, "places samples"],
     seam: Bool[np.ndarray, " places"],
     depths: Float[np.ndarray, " places"],
 ) -> Int[np.ndarray, " places"]:
@@ -279,8 +283,8 @@ def _rises(
     Args:
         profile: of light, which begins so much before that of the edges as the rise is wide.
         lens: of the camera.
-        lamp: where lamps are: to there it rises.
-        seam: where another view is expected: it may rise to that anywhere.
+        toward: where lamps or another view may be: to there it rises.
+        seam: whether that is another view.
         depths: px to another side of the view, beyond which the edge of that may rise.
     """
     earlier, before, behind = (
@@ -290,7 +294,7 @@ def _rises(
     steep = behind > np.maximum(brightened * before, before + STEEPER * (before - earlier))
     inward = np.linspace(-REACH, REACH, SAMPLES)[: -2 * NEAR]
     steep &= inward > 2.0 - depths[:, None]
-    steep &= lamp[:, 2 * NEAR :] | seam[:, None]
+    steep &= toward[:, 2 * NEAR :]
     enough = np.broadcast_to(np.where(seam, RISE_TO_VIEW, RISE)[:, None], steep.shape)[steep]
     steep[steep] = lens.codes(behind[steep]) - lens.codes(before[steep]) > enough
     first = np.argmax(steep, axis=1)
