@@ -304,6 +304,8 @@ def add_metrics(out: Report, found: Findings) -> None:
                 f"variance_{name}": ratio_of_variances(own),
             }
         )
+    if len(ours):
+        out.metrics(variance=ratio_of_variances(ours))
     wrong = np.abs(ours["error_deg"]) > SURE * ours["deviation_deg"]
     out.metrics(angles_wrong=int(wrong.sum()))
     air = found.angles.where(model=MODELS[1])
