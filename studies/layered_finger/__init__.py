@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from designopt import Spec, Study, lazily, setting
+from studies.models.sensor.spec import MadeSpec
 
 
 class LayeredFingerSpec(Spec):
@@ -12,6 +13,10 @@ class LayeredFingerSpec(Spec):
         91, "angles of each joint, of which all pairs are looked at", scales=True, ge=2, le=181
     )
     redesign: bool = setting(True, "search for other mirrors under some of the layers")
+    tolerances: MadeSpec = MadeSpec()
+    made: int = setting(
+        200, "fingers with random errors, those of layers among them", scales=True, ge=1, le=10_000
+    )
     rays: int = setting(
         2000, "rays of the brute-force check of each worst posture", scales=True, ge=100, le=10**6
     )

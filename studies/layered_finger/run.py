@@ -16,8 +16,9 @@ from matplotlib.figure import Figure
 from designopt import Context, Records, Report, Results
 from designopt.solution import Solution
 from designopt.study import plots
-from optics import Pieces, Scene, find_views
+from optics import Fabrication, Pieces, Scene, find_coverage, find_views
 from optics.plot.scene_figures import poses_figure
+from optics.scene.fabrication import perturb, scale_errors
 from optics.scene.sold import fields_of_view
 from optics.visibility.sharpness import find_sharpness
 from studies.layered_finger import LayeredFingerSpec
@@ -36,6 +37,7 @@ from studies.layered_finger.mirrors import Redesigner
 from studies.layered_finger.strips import ends_of, lost_strips
 from studies.models.finger import PHALANGES, Finger
 from studies.models.finger_file import packaged_finger
+from studies.models.sensor.finger_sensor import BODY, deviations_of
 from studies.oracles import layers as oracle
 from studies.oracles.layered_scenes import read
 from studies.oracles.shadows import shadow_width
@@ -54,6 +56,9 @@ COARSE = 5
 
 PLATE = "3 mm"
 """Layers under which lenses are compared."""
+
+FABRICATED = ("none", PLATE, "3+2 mm", "3 mm, clear ends")
+"""Layers under which fingers with errors are looked at."""
 
 MARKED = 9
 """Markers on a line."""
@@ -113,6 +118,7 @@ class Measurements(NamedTuple):
         checks: coverage in the worst postures by brute force.
         redesigned: worst coverage with other mirrors.
         lenses: fields and coverage with a lens as it is sold.
+        made: worst coverage of fingers with errors of fabrication.
     """
 
     degrees: Float[np.ndarray, " angles"]
@@ -121,6 +127,7 @@ class Measurements(NamedTuple):
     checks: Records
     redesigned: Records
     lenses: Records
+    made: Records
 
 
 def run(spec: LayeredFingerSpec, context: Context) -> Results:
@@ -134,7 +141,7 @@ def run(spec: LayeredFingerSpec, context: Context) -> Results:
     degrees = np.linspace(0.0, finger.body.range_deg, spec.angles)
     angles = jnp.deg2rad(jnp.asarray(degrees))
     poses = jnp.stack(jnp.meshgrid(angles, angles, indexing="ij"), axis=-1)
-    found = Measurements(degrees, {}, Records(), Records(), Records(), Records())
+    found = Measurements(degrees, {}, *(Records() for _ in range(5)))
     for name, case in CASES.items():
         with context.step(f"Layers: {name}"):
             scene, most = case.scene(finger), case.meeting_deg(finger)
@@ -142,6 +149,8 @@ def run(spec: LayeredFingerSpec, context: Context) -> Results:
             explain(found, name, survey, spec.rays)
     with context.step("Lenses as they are sold"):
         compare_lenses(found, poses)
+    with context.step("Fingers with errors of fabrication"):
+        fabricate(found, spec, poses[::COARSE, ::COARSE], context.seed)
     if spec.redesign:
         redesign(found, finger, poses, context)
     add_metrics(out, finger, found)
@@ -202,6 +211,50 @@ def compare_lenses(found: Measurements, poses: Float[Array, "pip dip joints"]) -
                     part = survey.coverage[..., index]
                     row |= {pad: float(part.min()), f"{pad}_mean": float(part.mean())}
                 found.lenses.add(**row)
+
+
+def fabricate(
+    found: Measurements,
+    spec: LayeredFingerSpec,
+    poses: Float[Array, "pip dip joints"],
+    seed: int,
+) -> None:
+    """Add worst coverage of the outer pads in fingers with errors, those of layers among them."""
+    flat = poses.reshape(-1, poses.shape[-1])
+    for name in FABRICATED:
+        survey = found.surveys[name]
+        deviations = deviations_of(spec.tolerances, survey.scene)
+        count = sum(leaf.size for leaf in jax.tree.leaves(deviations))
+        draws = np.random.default_rng([seed, 4]).standard_normal((spec.made, count))
+        worst = np.asarray(find_worst(survey.scene, deviations, jnp.asarray(draws), flat))
+        for pad, index in OUTER.items():
+            own = worst[:, index]
+            row = {"designed": survey.least(COARSE)[pad], "median": np.median(own)}
+            found.made.add(layers=name, pad=pad, **row, p5=np.percentile(own, 5))
+
+
+@eqx.filter_jit
+def find_worst(
+    scene: Scene,
+    deviations: Fabrication,
+    draws: Float[Array, "draws errors"],
+    poses: Float[Array, "poses joints"],
+) -> Float[Array, "draws pads"]:
+    """Worst coverage of every pad over poses, of fingers with drawn errors of fabrication.
+
+    Args:
+        scene: as designed.
+        deviations: of the errors.
+        draws: of standard normal numbers, one for every error.
+        poses: joint angles, rad.
+    """
+    carried = tuple(i for i, part in enumerate(scene.layout.blockers) if part.name == BODY)
+
+    def worst(numbers: Float[Array, " errors"]) -> Float[Array, " pads"]:
+        made = perturb(scene, scale_errors(deviations, numbers), carried=carried)
+        return jnp.min(find_coverage(made, poses).value, axis=0)
+
+    return jax.lax.map(worst, draws)
 
 
 def redesign(
@@ -304,6 +357,7 @@ def add_tables(out: Report, found: Measurements) -> None:
             shadows.add(layers=name, **angles, shadow_mm=width, paper_mm=own or math.nan)
     out.table("shadows", shadows)
     out.table("lenses", found.lenses)
+    out.table("made", found.made)
     out.table("checks", found.checks)
 
 
@@ -329,6 +383,9 @@ def add_findings(out: Report, finger: Finger, found: Measurements) -> None:
     if len(found.redesigned):
         most, sharp = (found.redesigned.stat(of) for of in ("max ahead", "min px_per_mm"))
         out.say("redesigned", count=len(found.redesigned), most=most, sharp=sharp)
+    for layers, key in ((PLATE, "plate"), ("none", "bare")):
+        made = found.made.where(layers=layers)
+        out.say(f"made-{key}", **dict(zip(made["pad"], made["p5"], strict=True)))
     out.say("lenses")
     short = found.lenses.where(in_section="short", layers="none")
     out.say("short", **{pad: short.stat(f"max {pad}") for pad in OUTER})

@@ -1,5 +1,6 @@
 """The study ``layered-finger``: its closed forms, its scenes, and the study itself."""
 
+import dataclasses
 import math
 from contextlib import nullcontext
 
@@ -12,7 +13,7 @@ import pytest
 
 from designopt import UserError
 from designopt.study.study import Context
-from optics import find_coverage, find_views, parse_scene
+from optics import Fabrication, find_coverage, find_views, parse_scene
 from studies.layered_finger import LayeredFingerSpec
 from studies.layered_finger import run as study
 from studies.layered_finger.cases import (
@@ -224,6 +225,31 @@ def test_other_mirrors_show_more_at_worst():
     tables = posed_tables(plain_tables(found), {"pip": 40.0, "dip": 40.0})
     by_rays = oracle.coverage(read(tables), oracle.runs(read(tables), 1000))
     np.testing.assert_allclose(find_coverage(found, poses).value[20], by_rays, atol=ROUNDING)
+
+
+def test_the_worst_of_a_finger_with_thicker_layers_is_what_rays_show():
+    scene = CASES["3+2 mm"].scene(FINGER)
+    errors = dataclasses.replace(
+        Fabrication.none(scene.layout),
+        thickness=jnp.full((3, 2), 0.1),
+        index=jnp.full((3, 2), 0.02),
+    )
+    count = sum(leaf.size for leaf in jax.tree.leaves(errors))
+    poses = jnp.deg2rad(jnp.array(POSES_DEG[:2]))
+    nominal, found = study.find_worst(
+        scene, errors, jnp.stack([jnp.zeros(count), jnp.ones(count)]), poses
+    )
+    tables = plain_tables(scene)
+    for pad in tables["pads"]:
+        for layer in pad["layers"]:
+            layer["thickness"] += 0.1
+            layer["index"] = {color: index + 0.02 for color, index in layer["index"].items()}
+    seen = []
+    for pip, dip in POSES_DEG[:2]:
+        plain = read(posed_tables(tables, {"pip": pip, "dip": dip}))
+        seen.append(oracle.coverage(plain, oracle.runs(plain, 1000)))
+    np.testing.assert_allclose(found, np.min(seen, axis=0), atol=ROUNDING)
+    assert float(nominal[0]) > float(found[0])
 
 
 def test_it_needs_float64():
