@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -28,6 +29,10 @@ LOOSE = 10.0
 SOLVED, STEPS = 1e-9, 128
 """Relative tolerance of a pose, far below the corners' noise, and a cap on iterations: with many
 corners that count less it converges linearly only."""
+
+REFINED, STILL = 6, 0.01
+"""Steps with the covariance of all that may move corners, and the last one at most, in standard
+deviations of the angles."""
 
 USUAL = 0.05
 """Part of the right frames whose χ² is beyond what is usual: it makes their deviations larger."""
@@ -169,12 +174,14 @@ def find_pose(
 ) -> Solution[JointAngles]:
     """The joint angles of a frame by all of its corners; the first one compiles.
 
-    Angles have the least pseudo-Huber loss. Whether corners agree with the finger at that pose
-    is a χ² test of their raw residuals, of all views and of each joint's own, with the covariance
-    C = s² N + J Σ Jᵀ of all that may move them: N of the corners, s their ``scale``, Σ of the
-    finger's errors and constant offsets, J the derivative by these (linear model error;
-    A. Tarantola, *Inverse Problem Theory*, 2005, §3.2). Of what is not refused, a χ² beyond that of
-    19 right frames of 20 makes the stated deviations larger, by its excess per degree of freedom.
+    Corners have the covariance C = s² N + J Σ Jᵀ of all that may move them: N of the corners, s
+    their ``scale``, Σ of the finger's errors and constant offsets, J the derivative by these
+    (linear model error; A. Tarantola, *Inverse Problem Theory*, 2005, §3.2). Angles have the least
+    pseudo-Huber loss, of the corners by themselves at first and then of what has this covariance
+    (generalized least squares). Whether corners agree with the finger at that pose is a χ² test of
+    their raw residuals, of all views and of each joint's own. Of what is not refused, a χ² beyond
+    that of 19 right frames of 20 makes the stated deviations larger, by its excess per degree of
+    freedom.
 
     Args:
         model: what predicts the corners.
@@ -228,34 +235,42 @@ def _solve(
     fit: Fit = least_squares(
         residuals, guess, tolerance=SOLVED, max_steps=STEPS, differentiable=False
     )
-    angles = fit.solution.value
-
-    left = left_at(causes, angles)
-    by_cause, by_angle = jax.jacfwd(left_at, (0, 1))(causes, angles)
-    found = fit.solution.ok & jnp.all(jnp.isfinite(left))
-    left, by_angle, by_cause = (jnp.where(found, part, 0.0) for part in (left, by_angle, by_cause))
     noise = errors.scale**2
-    total = noise * jnp.eye(left.size) + by_cause @ errors.covariance @ by_cause.T
+
+    def refined(angles: Float[Array, " joints"], _: None) -> tuple[Array, _Linear]:
+        """One Gauss-Newton step: corners that the finger's errors may move count less."""
+        left = left_at(causes, angles)
+        by_cause, by_angle = jax.jacfwd(left_at, (0, 1))(causes, angles)
+        usable = fit.solution.ok & jnp.all(jnp.isfinite(left))
+        left, by_angle, by_cause = (
+            jnp.where(usable, part, 0.0) for part in (left, by_angle, by_cause)
+        )
+        total = noise * jnp.eye(left.size) + by_cause @ errors.covariance @ by_cause.T
+        whitened, slopes = _whitened(total, left, by_angle)
+        slopes *= jax.vmap(jax.grad(softened))(whitened)[:, None]
+        covariance = jnp.linalg.inv(slopes.T @ slopes + jnp.eye(len(angles)) / LOOSE**2)
+        step = -covariance @ (slopes.T @ softened(whitened))
+        return angles + step, _Linear(left, by_angle, total, covariance, step)
+
+    angles, steps = jax.lax.scan(refined, fit.solution.value, length=REFINED)
+    left, by_angle, total, covariance, step = jax.tree.map(lambda leaf: leaf[-1], steps)
+    still = jnp.all(jnp.abs(step) < STILL * jnp.sqrt(jnp.diagonal(covariance)))
+    found = fit.solution.ok & jnp.all(jnp.isfinite(angles)) & still
+    left, by_angle = left + by_angle @ step, jnp.where(found, by_angle, 0.0)
+    left = jnp.where(found, left, 0.0)
 
     def misfit_of(views: Bool[Array, " views"]) -> Misfit:
         """The misfit of some views by themselves, whatever the others show."""
         used = (jnp.asarray(seen.used) & views[:, None, None]).reshape(-1)
         both = used[:, None] & used[None, :]
-        root = jnp.linalg.cholesky(jnp.where(both, total, jnp.eye(left.size)))
-        whitened, slopes = (
-            jax.scipy.linalg.solve_triangular(root, jnp.where(used[:, None], part, 0), lower=True)
-            for part in (left[:, None], by_angle)
-        )
-        return find_misfit(whitened[:, 0], slopes, used)
+        part = jnp.where(both, total, jnp.eye(left.size))
+        own = jnp.where(used, left, 0), jnp.where(used[:, None], by_angle, 0)
+        return find_misfit(*_whitened(part, *own), used)
 
     moves = np.array([[j == joint for j in model.joints] for joint in range(len(model.names))])
     misfit = misfit_of(jnp.ones(len(model.views), bool))
     own_misfit = jax.vmap(misfit_of)(jnp.asarray(moves))
 
-    # Causes move the answer: d angles = −(JᵀJ)⁻¹ Jᵀ J_c d causes, with J of the softened residuals.
-    softening = jax.vmap(jax.grad(softened))(left)[:, None]
-    gain = fit.covariance @ (softening * by_angle).T @ (softening * by_cause)
-    covariance = noise * fit.covariance + gain @ errors.covariance @ gain.T
     # Corners that scatter more than chance has it give larger deviations than stated.
     excess = jnp.sqrt(jnp.maximum(_excess(misfit, usual), _excess(own_misfit, usual)))
     covariance = covariance * jnp.outer(excess, excess)
@@ -278,6 +293,36 @@ def _solve(
     residual = jnp.broadcast_to(fit.solution.residual, margin.shape)
     pose = JointAngles(angles, covariance, misfit, own_misfit)
     return Solution(pose, margin, residual, jax.vmap(ended)(shown, agreement, room))
+
+
+class _Linear(NamedTuple):
+    """What is left of the corners at some angles, and the step from there.
+
+    Attributes:
+        left: in the corners' standard deviations.
+        by_angle: its derivative.
+        total: its covariance, by corners and by what the finger may be off.
+        covariance: of the angles.
+        step: of these.
+    """
+
+    left: Float[Array, " data"]
+    by_angle: Float[Array, "data joints"]
+    total: Float[Array, "data data"]
+    covariance: Float[Array, "joints joints"]
+    step: Float[Array, " joints"]
+
+
+def _whitened(
+    covariance: Float[Array, "data data"],
+    left: Float[Array, " data"],
+    slopes: Float[Array, "data joints"],
+) -> tuple[Float[Array, " data"], Float[Array, "data joints"]]:
+    """Numbers of a covariance, and their derivative, as independent ones of variance 1."""
+    root = jnp.linalg.cholesky(covariance)
+    both = jnp.concatenate([left[:, None], slopes], axis=1)
+    found = jax.scipy.linalg.solve_triangular(root, both, lower=True)
+    return found[:, 0], found[:, 1:]
 
 
 def _excess(misfit: Misfit, usual: Float[Array, " counts"]) -> Float[Array, "*joints"]:

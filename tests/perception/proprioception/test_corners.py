@@ -231,11 +231,13 @@ def test_the_covariance_is_the_inverse_of_the_information():
     def soft(left: np.ndarray) -> np.ndarray:
         return left * np.sqrt(2 / (1 + np.hypot(1, left / ROBUST)))
 
-    _, by_error, by_angle, by_offset = linearised(seen, MADE, angles_of(found), soft)
-    own = np.linalg.inv(by_angle.T @ by_angle)
-    moved, shifted = own @ by_angle.T @ by_error, own @ by_angle.T @ by_offset
+    left, by_error, by_angle, by_offset = linearised(seen, MADE, angles_of(found))
+    total = by_error @ spread @ by_error.T + constant**2 * by_offset @ by_offset.T
+    root = np.linalg.cholesky(np.eye(left.size) + total)
+    left, slopes = np.linalg.solve(root, left), np.linalg.solve(root, by_angle)
+    slopes *= (soft(left + 1e-6) - soft(left - 1e-6))[:, None] / 2e-6
     # That the angles may be anywhere within 10 rad is next to no information.
-    expected = own + moved @ spread @ moved.T + constant**2 * shifted @ shifted.T
+    expected = np.linalg.inv(slopes.T @ slopes)
     times = 1.0
     for misfit in (found.value.own_misfit, found.value.misfit):
         usual = chi2.isf(0.05, misfit.degrees_of_freedom)
@@ -295,12 +297,31 @@ def test_frames_of_the_right_finger_are_refused_as_often_as_the_level_is():
     assert kstest(tails, "uniform").statistic < 1.63 / np.sqrt(400)
 
 
+def test_angles_scatter_as_little_as_the_information_of_all_corners_allows():
+    """Of corners that the finger's errors may move, too; those that they move most count least."""
+    generator, spread, poses = np.random.default_rng(20), 1.0, []
+    known = FingerErrors.of(MODEL, NONE, spread**2 * np.eye(ERRORS), constant=0.0)
+    for _ in range(400):
+        seen = frame(spread * generator.standard_normal(ERRORS), POSE, generator=generator)
+        poses.append(find_pose(MODEL, seen, POSE, known).value)
+    _, by_error, by_angle, _ = linearised(frame(NONE, POSE), NONE, POSE)
+    total = np.eye(len(by_error)) + spread**2 * by_error @ by_error.T
+    bound = np.sqrt(np.diag(np.linalg.inv(by_angle.T @ np.linalg.solve(total, by_angle))))
+    off = np.array([pose.angles for pose in poses]) - POSE
+    predicted = np.mean([pose.covariance.diagonal() for pose in poses], axis=0)
+    # Of 400 draws, the pseudo-Huber loss's few per cent, and what is not linear.
+    np.testing.assert_allclose(np.sqrt(np.mean(off**2, axis=0)), bound, rtol=0.12)
+    np.testing.assert_allclose(np.sqrt(predicted), bound, rtol=0.12)
+
+
 def test_a_calibration_that_scattered_makes_larger_deviations_and_smaller_misfits():
-    seen = frame(NONE, POSE, generator=np.random.default_rng(16))
     known = FingerErrors.of(MODEL, NONE, 0.1 * np.eye(ERRORS))
     scattered = FingerErrors(known.mean, known.offsets, 4 * known.covariance, jnp.asarray(2.0))
+    # But for the 10 rad, and for corners so far off that they count less.
+    once, twice = (find_pose(MODEL, frame(NONE, POSE), POSE, one) for one in (known, scattered))
+    np.testing.assert_allclose(deviations_of(twice), 2 * deviations_of(once), rtol=1e-5)
+    seen = frame(NONE, POSE, generator=np.random.default_rng(16))
     once, twice = (find_pose(MODEL, seen, POSE, one) for one in (known, scattered))
-    np.testing.assert_allclose(deviations_of(twice), 2 * deviations_of(once), rtol=1e-9)
     assert float(twice.value.misfit.rms) == pytest.approx(float(once.value.misfit.rms) / 2)
 
 
