@@ -397,10 +397,19 @@ class _Search(NamedTuple):
             # One that ends before the seam ends in the dark, and has not run into the other.
             if at_seam is not None and self.length(at_seam) < self.length(quad):
                 return at_seam
-        if judged is quad:
+        if judged is quad or self.follow is None:
             return quad
-        # At both ends it may have run into something.
+        # At both ends it may have run into something: at both at once, and one after the other.
         starts.append((starts[0] + starts[1]) / 2)
+        for start in starts[:2]:
+            still = self.follow(start, None)
+            if still is not None and self.length(still) < self.length(quad):
+                again = self.judged(index, value, still).quality is Quality.MERGED
+                starts += [
+                    shortened(still, catalog.width, extent, lens, kept).corners
+                    for kept in range(2)
+                    if again
+                ]
         return self.likeliest(index, value, starts) or quad
 
     def length(self, quad: Quad) -> float:
