@@ -7,6 +7,7 @@ lateral slope (way across the section per way within it, towards greater columns
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -61,8 +62,16 @@ class Lens:
         if not len(places):
             return np.zeros((0, 2))
         parts = np.array_split(places, -(-len(places) // MOST))
-        found = [sampled(self.ray_map, part[:, None]).reshape(-1, 2) for part in parts]
+        found = [
+            np.concatenate([sampled(one, part[:, None]) for one in self._planes], axis=1)
+            for part in parts
+        ]
         return np.concatenate(found).astype(float)
+
+    @functools.cached_property
+    def _planes(self) -> list[Float[np.ndarray, "rows columns"]]:
+        """Section angles and lateral slopes, each by itself in memory."""
+        return [np.ascontiguousarray(self.ray_map[..., part]) for part in range(2)]
 
     def pixel_rays(self, pixels: Int[np.ndarray, "_ 2"]) -> Rays:
         """The rays through the middles of pixels."""

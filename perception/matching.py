@@ -389,9 +389,11 @@ class _Search(NamedTuple):
         cut = judged.quality in (Quality.FLAT, Quality.CLIPPED)
         if quad.quality is not Quality.COMPLETE or cut:
             return quad
+        beside = _beside(catalog.families, index, value, quad, lens)
+        if judged is quad and beside is None:
+            return quad
         extent = catalog.families[index].extent[value]
         starts = [shortened(quad, catalog.width, extent, lens, kept).corners for kept in range(2)]
-        beside = _beside(catalog.families, index, value, quad, lens)
         if beside is not None:
             at_seam = self.complete(index, value, starts[1 - beside], beside)
             # One that ends before the seam ends in the dark, and has not run into the other.
