@@ -245,12 +245,12 @@ def _solve(
         left, by_angle, by_cause = (
             jnp.where(usable, part, 0.0) for part in (left, by_angle, by_cause)
         )
-        total = noise * jnp.eye(left.size) + by_cause @ errors.covariance @ by_cause.T
+        total = jnp.eye(left.size) + by_cause @ (errors.covariance / noise) @ by_cause.T
         whitened, slopes = _whitened(total, left, by_angle)
         slopes *= jax.vmap(jax.grad(softened))(whitened)[:, None]
         covariance = jnp.linalg.inv(slopes.T @ slopes + jnp.eye(len(angles)) / LOOSE**2)
         step = -covariance @ (slopes.T @ softened(whitened))
-        return angles + step, _Linear(left, by_angle, total, covariance, step)
+        return angles + step, _Linear(left, by_angle, noise * total, noise * covariance, step)
 
     angles, steps = jax.lax.scan(refined, fit.solution.value, length=REFINED)
     left, by_angle, total, covariance, step = jax.tree.map(lambda leaf: leaf[-1], steps)

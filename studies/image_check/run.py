@@ -208,8 +208,6 @@ class Findings:
                 # Elsewhere the outline is not that of the flat membrane's corner: clear walls
                 # mirror the membrane, black ones hide it, and things pressed in lift it.
                 bare = np.array(shown.seen)[order] & (np.array(shown.lifted)[order] < FLAT)
-                # Where a mirror ends at one corner, the other may be beyond it, too.
-                bare &= bare[[3, 2, 1, 0]]
                 bare &= "polished" not in finger.layers
                 assert view is not None
                 off = view.corners - np.where(bare[:, None], judged, outline)
