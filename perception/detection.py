@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -95,24 +96,21 @@ class _Light(NamedTuple):
         quads = [quad for quad in found if quad is not None]
         return sorted(quads, key=lambda quad: float(quad.corners[:, 1].mean()))
 
-    def fit(
-        self, lens: Lens, fit: Callable[..., Quad | None], about: np.ndarray, *more: int | None
-    ) -> Quad | None:
+    def fit(self, lens: Lens, fit: Callable[..., Quad | None], about: np.ndarray) -> Quad | None:
         """A quadrilateral fitted in green where this is bright enough, else in the brightest color.
 
         Args:
             lens: of the camera.
             fit: `fit_quad` or `follow_quad`.
             about: what that takes: a contour or corners.
-            more: what else it takes.
         """
         if self.green is None:
-            return fit(self.brightest, lens, about, self.lamps, *more)
-        quad = fit(self.green, lens, about, self.lamps, *more)
+            return fit(self.brightest, lens, about, self.lamps)
+        quad = fit(self.green, lens, about, self.lamps)
         bright = quad is not None and quad.contrast >= GREEN_CONTRAST
         if quad is not None and bright and quad.quality is Quality.COMPLETE:
             return quad
-        other = fit(self.brightest, lens, about, self.lamps, *more)
+        other = fit(self.brightest, lens, about, self.lamps)
         if other is None:
             return quad
         return replace(other, covariance=other.covariance + COLOR_DOUBT**2 * np.eye(2))
@@ -139,6 +137,6 @@ def detect_views(image: object, lens: Lens, catalog: ViewCatalog) -> Sighting:
     light = _Light.of(image, lens)
 
     def follow(corners: Float[np.ndarray, "4 2"], beside: int | None) -> Quad | None:
-        return light.fit(lens, follow_quad, corners, beside)
+        return light.fit(lens, partial(follow_quad, beside=beside), corners)
 
     return match_views(light.quads(lens), catalog, lens, follow)

@@ -355,20 +355,24 @@ class _Search(NamedTuple):
             start: the places.
             beside: its end (0 the lower) that must have a seam to another view, if one must.
         """
+        quad = self.at(start, beside)
+        return quad if quad is not None and self.is_sure(index, value, quad) else None
+
+    def at(self, start: Float[np.ndarray, "4 2"], beside: int | None = None) -> Quad | None:
+        """What `follow` finds at given places, if they are in the image at all."""
         if self.follow is None or not np.isfinite(start).all():
             return None
-        quad = self.follow(start, beside)
-        if quad is None:
-            return None
-        length, deviation = measured_length(quad, self.catalog.width, self.lens)
-        # Looked for where it is expected, it shows by its length that it is there.
-        known = self.judged(index, value, quad) is quad and deviation < KNOWN * length
-        return quad if known and quad.quality is Quality.COMPLETE else None
+        return self.follow(start, beside)
 
-    def likeliest(
-        self, index: int, value: int, starts: Iterable[Float[np.ndarray, "4 2"]]
-    ) -> Quad | None:
-        """Of the complete views from several starts the one whose length is the pad's most likely.
+    def is_sure(self, index: int, value: int, quad: Quad) -> bool:
+        """Whether its length shows that what was looked for where a view is expected is it."""
+        if quad.quality is not Quality.COMPLETE or self.judged(index, value, quad) is not quad:
+            return False
+        length, deviation = measured_length(quad, self.catalog.width, self.lens)
+        return deviation < KNOWN * length
+
+    def likeliest(self, index: int, value: int, quads: Iterable[Quad | None]) -> Quad | None:
+        """Of several views those that are sure, of these the one with the pad's likeliest length.
 
         It is where four sides are surely those of the pad, not of what adjoins it.
         """
@@ -379,8 +383,8 @@ class _Search(NamedTuple):
             deviation = math.hypot(of_corners, of_finger)
             return -(((length - wanted) / deviation) ** 2) / 2 - math.log(deviation)
 
-        found = [self.complete(index, value, start) for start in starts]
-        return max((quad for quad in found if quad is not None), key=likelihood, default=None)
+        sure = (q for q in quads if q is not None and self.is_sure(index, value, q))
+        return max(sure, key=likelihood, default=None)
 
     def mended(self, index: int, value: int, quad: Quad) -> Quad:
         """A view that runs into something bright, looked for again where its pad would end."""
@@ -399,20 +403,17 @@ class _Search(NamedTuple):
             # One that ends before the seam ends in the dark, and has not run into the other.
             if at_seam is not None and self.length(at_seam) < self.length(quad):
                 return at_seam
-        if judged is quad or self.follow is None:
+        if judged is quad:
             return quad
         # At both ends it may have run into something: at both at once, and one after the other.
-        starts.append((starts[0] + starts[1]) / 2)
-        for start in starts[:2]:
-            still = self.follow(start, None)
-            if still is not None and self.length(still) < self.length(quad):
-                again = self.judged(index, value, still).quality is Quality.MERGED
-                starts += [
-                    shortened(still, catalog.width, extent, lens, kept).corners
-                    for kept in range(2)
-                    if again
-                ]
-        return self.likeliest(index, value, starts) or quad
+        found = [self.at(start) for start in (*starts, (starts[0] + starts[1]) / 2)]
+        for one in found[:2]:
+            if one is None or self.length(one) >= self.length(quad):
+                continue
+            if self.judged(index, value, one).quality is Quality.MERGED:
+                again = (shortened(one, catalog.width, extent, lens, kept) for kept in range(2))
+                found += [self.at(other.corners) for other in again]
+        return self.likeliest(index, value, found) or quad
 
     def length(self, quad: Quad) -> float:
         """A pad's length as a view shows it, mm."""
@@ -436,7 +437,7 @@ class _Search(NamedTuple):
                 reach = AGREEING * float(family.spread[0].max())
                 rows = np.arange(-reach, reach + 1, STEP)
                 starts = (_expected(family, 0, np.array([0.0, row])) for row in rows)
-                quad = self.likeliest(index, 0, starts)
+                quad = self.likeliest(index, 0, map(self.at, starts))
                 clear = [one.contrast for one in near if one.quality is Quality.COMPLETE]
                 if quad is not None and quad.contrast < FAINTER * max(clear, default=0):
                     quad = None

@@ -37,7 +37,7 @@ from studies.layered_finger.mirrors import Redesigner
 from studies.layered_finger.strips import ends_of, lost_strips
 from studies.models.finger import PHALANGES, Finger
 from studies.models.finger_file import packaged_finger
-from studies.models.sensor.finger_sensor import BODY, deviations_of
+from studies.models.sensor.finger_sensor import carried_by_camera, deviations_of
 from studies.oracles import layers as oracle
 from studies.oracles.layered_scenes import read
 from studies.oracles.shadows import shadow_width
@@ -248,7 +248,7 @@ def find_worst(
         draws: of standard normal numbers, one for every error.
         poses: joint angles, rad.
     """
-    carried = tuple(i for i, part in enumerate(scene.layout.blockers) if part.name == BODY)
+    carried = carried_by_camera(scene)
 
     def worst(numbers: Float[Array, " errors"]) -> Float[Array, " pads"]:
         made = perturb(scene, scale_errors(deviations, numbers), carried=carried)

@@ -86,7 +86,7 @@ class FingerSensor:
         Raises:
             UserError: images of the scene cannot be analyzed.
         """
-        carried = tuple(i for i, part in enumerate(scene.layout.blockers) if part.name == BODY)
+        carried = carried_by_camera(scene)
         imaging = Imaging.of(scene.camera)
         if fault := _fault(scene, imaging):
             raise UserError(f"scene: {fault}; {CURE}")
@@ -196,6 +196,11 @@ def designed(path: str) -> Scene:
     if path and "finger" not in read_toml(path, "scene"):
         return read_scene(Path(path))
     return (read_finger(path) if path else packaged_finger()).scene()
+
+
+def carried_by_camera(scene: Scene) -> tuple[int, ...]:
+    """Indices of the blockers that move with the camera: its body."""
+    return tuple(i for i, part in enumerate(scene.layout.blockers) if part.name == BODY)
 
 
 OUT_OF_SECTION = ("yaw", "roll", "mirror_lean", "mirror_bow", "pad_lean", "lateral_color")
