@@ -224,6 +224,19 @@ def test_leaning_and_bowed_mirrors_show_corners_by_the_stationary_way(side):
 
 
 @needs_mitsuba
+@pytest.mark.parametrize("gap", [-0.05, 0.1, 0.1375, 0.15])
+def test_a_corner_beyond_the_end_of_a_mirror_is_not_found_elsewhere(gap):
+    mirror, camera = SCENE["mirrors"][0], np.array([0.0, 30, 0])
+    met = shortest(mirror, 0.0, 0.0, camera, corner_points()[1, -1])
+    along = np.subtract(mirror["to"], mirror["from"])
+    cut = mirror | {"from": (met[:2] + gap * along / np.linalg.norm(along)).tolist()}
+    found = corners_of(judge(SCENE | {"mirrors": [cut]}, {}), "wall")
+    assert ((1, -1) in found) == (gap < 0)
+    if gap < 0:
+        assert found[1, -1] == pytest.approx(imaged((camera, *camera_axes()), met), abs=FINE_PX)
+
+
+@needs_mitsuba
 def test_a_mirror_written_from_its_other_end_leans_and_bows_the_other_way():
     mirror = SCENE["mirrors"][0]
     back = mirror | {"from": mirror["to"], "to": mirror["from"], "side": "right"}

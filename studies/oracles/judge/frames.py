@@ -35,9 +35,10 @@ STENCIL = np.stack(np.meshgrid(np.arange(-3, 4), np.arange(-3, 4)), axis=-1).res
 """Places around a corner at which membrane coordinates are traced, px: 49 rays average their
 rounding, and a quadratic over 3 px leaves less of the map than they do."""
 
-ROUNDS, STEP, TRUSTED, SETTLED, FEWEST = 8, 40.0, 3.0, 1e-3, 12
-"""Newton's method on such quadratics: iterations, its longest step, how far a quadratic is trusted
-and from which step on no more is needed (px), and the fewest rays for one."""
+ROUNDS, STEP, TRUSTED, SETTLED, ASTRAY, FEWEST = 8, 40.0, 3.0, 1e-3, 0.01, 12
+"""Newton's method on such quadratics: iterations, its longest step, how far a quadratic is trusted,
+from which step on no more is needed and with which last one no place was found (px), and the fewest
+rays for one."""
 
 INSET = 0.02
 """A corner is seen if a ray beside it, so far inside the membrane (mm), is."""
@@ -224,7 +225,8 @@ def find_places(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
     """Places that show the wanted membrane coordinates, those of insets, and the fits' residuals.
 
-    All are NaN where rays do not get there.
+    All are NaN where rays do not get there: where too few do for a quadratic, or so few, on one
+    side of the place only, that it still moves after all rounds.
     """
     u, v = STENCIL.T
     basis = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)
@@ -247,6 +249,8 @@ def find_places(
             places[i] = places[i] + _invert(fit, wanted[i])
         if np.all((np.abs(places - before) < SETTLED) | np.isnan(places)):
             break
+    astray = np.any(np.abs(places - before) > ASTRAY, axis=-1)
+    places[astray] = beside[astray] = np.nan
     return places, beside, residuals
 
 
