@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from jaxtyping import Int
 
-from perception.masks import Gray, Mask, global_mask, seam_mask
+from perception.masks import Gray, global_mask, seam_mask
 
 LEVELS = 24
 """Thresholds of the sweep, in equal ratios up to full scale."""
@@ -70,10 +70,13 @@ def stable_blobs(gray: Gray) -> list[Blob]:
     """The blobs of an image, each at its most stable threshold; none overlaps another."""
     smooth = cv2.blur(gray, (3, 3))
     seams = seam_mask(smooth, max(3, round(SEAM * len(gray) / 1080) | 1), SHARE)
+    # Opened once, before it is parted by thresholds: flat morphology commutes with them.
+    square = cv2.getStructuringElement(cv2.MORPH_RECT, (3, 3))
+    opened = cv2.morphologyEx(cv2.subtract(smooth, seams), cv2.MORPH_OPEN, square)
     roots: list[_Node] = []
     previous: list[_Node] = []
     for level in _levels(smooth):
-        nodes = [_Node(blob) for blob in _blobs(smooth, seams, level)]
+        nodes = [_Node(blob) for blob in _blobs(opened, level)]
         for node in nodes:
             parent = next((other for other in previous if _holds(other.blob, node.blob)), None)
             (roots if parent is None else parent.children).append(node)
@@ -136,11 +139,9 @@ def _median(values: Int[np.ndarray, " bins"], counts: Int[np.ndarray, " bins"]) 
     return int(values[order[np.searchsorted(reached, reached[-1] / 2)]])
 
 
-def _blobs(gray: Gray, seams: Mask, level: float) -> list[Blob]:
-    square = cv2.getStructuringElement(cv2.MORPH_RECT, (3, 3))
-    mask = cv2.subtract(global_mask(gray, level), seams)
-    opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, square)
-    contours = cv2.findContours(opened, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
+def _blobs(gray: Gray, level: float) -> list[Blob]:
+    mask = global_mask(gray, level)
+    contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
     least = LEAST_AREA * gray.size
     # The circle has the shortest outline around an area: most specks need no closer look.
     outlines = [c.reshape(-1, 2) for c in contours if len(c) ** 2 >= 4 * least]

@@ -6,6 +6,7 @@ All of this is in the tangent plane of the view's rays, where sides are straight
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import cv2
@@ -90,7 +91,7 @@ class Side:
     start: Float[np.ndarray, "2"]
     end: Float[np.ndarray, "2"]
 
-    @property
+    @functools.cached_property
     def outward(self) -> Float[np.ndarray, "2"]:
         """Unit normal that points out of the view."""
         along = self.end - self.start
@@ -196,7 +197,7 @@ def find_edges(
     shape = (len(sides), POINTS)
     # A narrow view may end again within reach: the brightest quarter is surely inside.
     inner = profile[:, : SAMPLES // 2 + 1]
-    inside = np.quantile(inner, BRIGHTER, axis=1)
+    inside = _brighter(inner)
     outside = profile[:, SAMPLES // 2 :].min(axis=1)
     lit, glow = np.zeros(len(flat), bool), np.zeros(len(flat))
     seam = np.repeat(np.arange(len(sides)) == adjoining, POINTS)
@@ -217,13 +218,13 @@ def find_edges(
         profile[lit & (rise == SAMPLES)] = 0
         own = ~lit & lamp.any(axis=1)
         profile[own] = np.where(lamp[own], profile[own].min(axis=1, keepdims=True), profile[own])
-        inside[own] = np.quantile(inner[own], BRIGHTER, axis=1)
+        inside[own] = _brighter(inner[own])
     start = SAMPLES // 2 - np.argmax(inner[:, ::-1] >= inside[:, None], axis=1)
     contrast = inside - outside
     crossings = [_falling(profile, start, inside - part * contrast) for part in (0.25, 0.5, 0.75)]
     begins, middle, ends = (reach[0] + step * place for place, _ in crossings)
     found = np.all([there for _, there in crossings], axis=0)
-    width = _median((ends - begins).reshape(shape), found.reshape(shape))
+    width = _Middle(found.reshape(shape)).of((ends - begins).reshape(shape))
     # Where a view is too thin, as at its acute corners, another side's edge is in the way.
     thick = np.repeat(FEET * width + REACH * (1 - BRIGHTER), POINTS)
     inward = flat - (thick / scale)[:, None] * outward
@@ -234,13 +235,13 @@ def find_edges(
     there = (found & clear & (height >= LEAST_CONTRAST)).reshape(shape)
     dark = np.where(lit, inside, outside).reshape(shape)
     dark = float(np.median(dark, axis=1).min())
-    depth = contrast / np.maximum(inside - dark, 1.0)
-    deep = _median(depth.reshape(shape), there)
+    depth, middles = contrast / np.maximum(inside - dark, 1.0), _Middle(there)
+    deep = middles.of(depth.reshape(shape))
     doubt = SEAM * np.maximum(DEEP - deep, 0.0)
     # Blur is much the same on all sides: a wider edge is a gradient of light, its half no edge.
     doubt = np.hypot(doubt, GRADUAL * np.maximum(width - WIDER * np.median(width), 0.0))
     by_lamps = np.asarray(lit.reshape(shape)[:, 0])
-    doubt = np.where(by_lamps, _median(glow.reshape(shape), there), doubt)
+    doubt = np.where(by_lamps, middles.of(glow.reshape(shape)), doubt)
     return Edges(
         shares=shares,
         offsets=(middle / scale).reshape(shape),
@@ -248,7 +249,7 @@ def find_edges(
         found=there,
         contrast=np.where(
             there.any(axis=1),
-            _median(height.reshape(shape), there),
+            middles.of(height.reshape(shape)),
             np.median(height.reshape(shape), axis=1),
         ),
         width=width,
@@ -257,6 +258,14 @@ def find_edges(
         lit=by_lamps & ~seam[::POINTS],
         seam=bool((by_lamps & seam[::POINTS]).any()),
     )
+
+
+def _brighter(inner: Float[np.ndarray, "places samples"]) -> Float[np.ndarray, " places"]:
+    """What the part `BRIGHTER` of every place's samples is darker than; as `np.quantile`."""
+    below, part = divmod(BRIGHTER * (inner.shape[1] - 1), 1)
+    at = int(below)
+    ordered = np.partition(inner, (at, at + 1), axis=1)
+    return ordered[:, at] + part * (ordered[:, at + 1] - ordered[:, at])
 
 
 def _depths(
@@ -352,17 +361,22 @@ def fit_lines(edges: Edges) -> list[Line]:
     P. J. Huber, E. M. Ronchetti, *Robust Statistics*, 2nd ed., §7.8. Neighbouring edges err alike,
     so the covariance counts fewer of them: n (1 − r) / (1 + r) for the correlation r of neighbours.
     """
+    unknown = Line(0.0, 0.0, np.diag([UNKNOWN, 0.0]), np.inf)
     found, offsets = edges.found, edges.offsets * edges.scale
+    if not found.any():
+        return [unknown] * len(found)
+    middles = _Middle(found)
     design = np.stack([edges.scale, edges.scale * edges.shares], axis=-1)
     left = offsets - np.sum(design * _repeated_medians(edges)[:, None], axis=-1)
-    solution, normal, weights = _weighted(design, offsets, left, found)
+    solution, normal, weights = _weighted(design, offsets, left, middles.deviation(left), found)
     for _ in range(ROUNDS - 1):
         left = offsets - (design @ solution)[..., 0]
-        solution, normal, weights = _weighted(design, offsets, left, found)
+        solution, normal, weights = _weighted(design, offsets, left, middles.deviation(left), found)
     left = offsets - (design @ solution)[..., 0]
-    bend = _bends(left, found)
+    deviation = middles.deviation(left)
+    bend = _bends(left, deviation[:, 0], found)
     variance = np.sum(weights * left**2, axis=1) / np.maximum(np.sum(weights, axis=1) - 2, 1)
-    furthest = TUKEY * _deviation(left, found)
+    furthest = TUKEY * deviation
     near = np.where(found, np.clip(left, -furthest, furthest), 0.0)
     pairs = np.maximum((found[:, 1:] & found[:, :-1]).sum(axis=1), 1)
     mean_square = np.sum(near**2, axis=1) / np.maximum(found.sum(axis=1), 1)
@@ -375,7 +389,6 @@ def fit_lines(edges: Edges) -> list[Line]:
     first, last = (bend / scale[:, None]).T ** 2
     covariance += first[:, None, None] * np.array([[1, -1], [-1, 1]])
     covariance[:, 1, 1] += last
-    unknown = Line(0.0, 0.0, np.diag([UNKNOWN, 0.0]), np.inf)
     return [
         Line(float(line[0, 0]), float(line[1, 0]), covariance[i], float(np.sqrt(variance[i])))
         if found[i].sum() >= POINTS // 4
@@ -385,7 +398,9 @@ def fit_lines(edges: Edges) -> list[Line]:
 
 
 def _bends(
-    left: Float[np.ndarray, "sides places"], found: Bool[np.ndarray, "sides places"]
+    left: Float[np.ndarray, "sides places"],
+    deviation: Float[np.ndarray, " sides"],
+    found: Bool[np.ndarray, "sides places"],
 ) -> Float[np.ndarray, "sides 2"]:
     """By how much the edges near each end of a side lie off its line, all to one side, px.
 
@@ -396,8 +411,8 @@ def _bends(
     off = []
     for one in (slice(0, part), slice(left.shape[1] - part, None)):
         there = found[:, one]
-        middle = _median(left[:, one], there)
-        scatter = _deviation(left, found)[:, 0] / np.sqrt(np.maximum(there.sum(axis=1), 1))
+        middle = _Middle(there).of(left[:, one])
+        scatter = deviation / np.sqrt(np.maximum(there.sum(axis=1), 1))
         off.append(np.maximum(np.abs(middle) - SCATTERED * scatter, 0.0))
     return np.stack(off, axis=-1)
 
@@ -406,10 +421,11 @@ def _weighted(
     design: Float[np.ndarray, "sides places 2"],
     wanted: Float[np.ndarray, "sides places"],
     left: Float[np.ndarray, "sides places"],
+    deviation: Float[np.ndarray, "sides 1"],
     found: Bool[np.ndarray, "sides places"],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Least squares weighted by how small residuals were; with its normal matrix and weights."""
-    far = left / (TUKEY * _deviation(left, found))
+    far = left / (TUKEY * deviation)
     weights = np.where(found, np.maximum(1 - far**2, 0) ** 2, 0.0)
     weighted = design * weights[..., None]
     normal = np.einsum("spi,spj->sij", weighted, design)
@@ -427,24 +443,33 @@ def _repeated_medians(edges: Edges) -> Float[np.ndarray, "sides 2"]:
     run = edges.shares - edges.shares[:, None] + np.eye(len(edges.shares))
     turns = (edges.offsets[:, None, :] - edges.offsets[..., None]) / run
     others = edges.found[:, None, :] & ~np.eye(len(edges.shares), dtype=bool)
-    turn = _median(_median(turns, others), edges.found)
-    offset = _median(edges.offsets - turn[:, None] * edges.shares, edges.found)
+    middles = _Middle(edges.found)
+    turn = middles.of(_Middle(others).of(turns))
+    offset = middles.of(edges.offsets - turn[:, None] * edges.shares)
     return np.stack([offset, turn], axis=-1)
 
 
-def _deviation(
-    left: Float[np.ndarray, "sides places"], there: Bool[np.ndarray, "sides places"]
-) -> Float[np.ndarray, "sides 1"]:
-    """Standard deviation of most of the residuals, from their median; never quite 0."""
-    return np.maximum(1.4826 * _median(np.abs(left), there), LEAST_SCATTER)[:, None]
+class _Middle:
+    """Where the medians are of values that are there, along the last axis, once these are sorted.
 
+    Args:
+        there: which values count.
+    """
 
-def _median(
-    values: Float[np.ndarray, "*sides places"], there: Bool[np.ndarray, "*sides places"]
-) -> Float[np.ndarray, "*sides"]:
-    """Of the values that are there, along the last axis; 0 where there is none."""
-    ordered = np.sort(np.where(there, values, np.inf), axis=-1)
-    count = there.sum(axis=-1)
-    ends = np.stack([np.maximum(count - 1, 0) // 2, count // 2], axis=-1)
-    middle = np.take_along_axis(ordered, np.minimum(ends, values.shape[-1] - 1), axis=-1)
-    return np.where(count > 0, middle.mean(axis=-1), 0.0)
+    def __init__(self, there: Bool[np.ndarray, "*sides places"]) -> None:
+        count = there.sum(axis=-1)
+        self._without, self._none = ~there, count == 0
+        starts = np.arange(count.size).reshape(count.shape) * there.shape[-1]
+        self._lower = starts + np.maximum(count - 1, 0) // 2
+        self._upper = starts + np.minimum(count // 2, there.shape[-1] - 1)
+
+    def of(self, values: Float[np.ndarray, "*sides places"]) -> Float[np.ndarray, "*sides"]:
+        """The medians; 0 where no value is there."""
+        ordered = np.where(self._without, np.inf, values)
+        ordered.sort(axis=-1)
+        flat = ordered.reshape(-1)
+        return np.where(self._none, 0.0, (flat[self._lower] + flat[self._upper]) / 2)
+
+    def deviation(self, left: Float[np.ndarray, "sides places"]) -> Float[np.ndarray, "sides 1"]:
+        """Standard deviation of most of the residuals; never quite 0."""
+        return np.maximum(1.4826 * self.of(np.abs(left)), LEAST_SCATTER)[:, None]

@@ -26,9 +26,9 @@ ROBUST = 3.0
 LOOSE = 10.0
 """Standard deviation of a joint angle before anything is seen, rad: no information."""
 
-SOLVED, STEPS = 1e-9, 128
-"""Relative tolerance of a pose, far below the corners' noise, and a cap on iterations: with many
-corners that count less it converges linearly only."""
+NEAR, STEPS = 1e-3, 128
+"""Relative tolerance of a pose that is refined, and a cap on iterations: with many corners that
+count less it converges linearly only."""
 
 REFINED, STILL = 6, 0.01
 """Steps with the covariance of all that may move corners, and the last one at most, in standard
@@ -193,7 +193,7 @@ def find_pose(
     Returns:
         One element for each joint. ``margin`` is the lesser of 1 − χ² / its limit and of the
         distance from the nearer end of the range over that range, −1 where nothing is found;
-        ``residual`` is that of the search.
+        ``residual`` is the last step, in standard deviations.
 
     Raises:
         ValueError: the significance does not lie between 0 and 1.
@@ -223,28 +223,30 @@ def _solve(
     limits: Float[Array, " counts"],
     usual: Float[Array, " counts"],
 ) -> Solution[JointAngles]:
-    def left_at(causes: Float[Array, " causes"], pose: Float[Array, " joints"]) -> Array:
-        own, offsets = causes[: model.errors], causes[model.errors :].reshape(seen.corners.shape)
-        return deviations(model, own, pose, Observation(seen.corners - offsets, seen.whitening))
+    moved_back = Observation(seen.corners - errors.offsets, seen.whitening)
 
-    causes = jnp.concatenate([errors.mean, errors.offsets.reshape(-1)])
+    def left_at(own: Float[Array, " errors"], pose: Float[Array, " joints"]) -> Array:
+        return deviations(model, own, pose, moved_back)
 
     def residuals(angles: Float[Array, " joints"], _: None) -> Float[Array, " data"]:
-        return jnp.concatenate([softened(left_at(causes, angles)), (angles - guess) / LOOSE])
+        return jnp.concatenate([softened(left_at(errors.mean, angles)), (angles - guess) / LOOSE])
 
     fit: Fit = least_squares(
-        residuals, guess, tolerance=SOLVED, max_steps=STEPS, differentiable=False
+        residuals, guess, tolerance=NEAR, max_steps=STEPS, differentiable=False
     )
     noise = errors.scale**2
 
+    def finite(one: Float[Array, "..."]) -> Float[Array, "..."]:
+        return jnp.where(jnp.all(jnp.isfinite(one)), one, 0.0)
+
+    # The derivative of corners by their own offsets.
+    by_offset = jax.scipy.linalg.block_diag(*jnp.asarray(seen.whitening).reshape(-1, 2, 2))
+
     def refined(angles: Float[Array, " joints"], _: None) -> tuple[Array, _Linear]:
         """One Gauss-Newton step: corners that the finger's errors may move count less."""
-        left = left_at(causes, angles)
-        by_cause, by_angle = jax.jacfwd(left_at, (0, 1))(causes, angles)
-        usable = fit.solution.ok & jnp.all(jnp.isfinite(left))
-        left, by_angle, by_cause = (
-            jnp.where(usable, part, 0.0) for part in (left, by_angle, by_cause)
-        )
+        left = finite(left_at(errors.mean, angles))
+        by_error, by_angle = map(finite, jax.jacfwd(left_at, (0, 1))(errors.mean, angles))
+        by_cause = jnp.concatenate([by_error, by_offset], axis=1)
         total = jnp.eye(left.size) + by_cause @ (errors.covariance / noise) @ by_cause.T
         whitened, slopes = _whitened(total, left, by_angle)
         slopes *= jax.vmap(jax.grad(softened))(whitened)[:, None]
@@ -254,8 +256,8 @@ def _solve(
 
     angles, steps = jax.lax.scan(refined, fit.solution.value, length=REFINED)
     left, by_angle, total, covariance, step = jax.tree.map(lambda leaf: leaf[-1], steps)
-    still = jnp.all(jnp.abs(step) < STILL * jnp.sqrt(jnp.diagonal(covariance)))
-    found = fit.solution.ok & jnp.all(jnp.isfinite(angles)) & still
+    moved = jnp.max(jnp.abs(step) / jnp.sqrt(jnp.diagonal(covariance)))
+    found = jnp.all(jnp.isfinite(left_at(errors.mean, angles))) & (moved < STILL)
     left, by_angle = left + by_angle @ step, jnp.where(found, by_angle, 0.0)
     left = jnp.where(found, left, 0.0)
 
@@ -290,7 +292,7 @@ def _solve(
         return code.where(shown, result, code.not_seen)
 
     margin = jnp.where(shown & found, jnp.minimum(agreement, room), -1.0)
-    residual = jnp.broadcast_to(fit.solution.residual, margin.shape)
+    residual = jnp.broadcast_to(moved, margin.shape)
     pose = JointAngles(angles, covariance, misfit, own_misfit)
     return Solution(pose, margin, residual, jax.vmap(ended)(shown, agreement, room))
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -248,13 +249,20 @@ def test_the_covariance_is_the_inverse_of_the_information():
     np.testing.assert_allclose(deviations_of(found), np.sqrt(np.diag(expected)), rtol=1e-4)
 
 
-def test_the_misfit_is_that_of_generalised_least_squares():
-    """χ² with the inverse of the whole covariance, less what a step of the angles takes away."""
+@pytest.mark.parametrize("alike", [0.0, 0.05])
+def test_the_misfit_is_that_of_generalised_least_squares(alike):
+    """χ² with the inverse of the whole covariance, less what a step of the angles takes away.
+
+    A calibration leaves the finger's errors correlated with what corners are off by.
+    """
     seen, spread, constant = correlated(14, without=(3,)), 0.2 * np.eye(ERRORS) + 0.1, 0.2
-    found = solved(seen, POSE, NONE, spread, constant=constant)
+    known = FingerErrors.of(MODEL, NONE, spread, constant=constant)
+    both = np.asarray(known.covariance) + alike
+    found = find_pose(MODEL, seen, POSE, eqx.tree_at(lambda k: k.covariance, known, both))
     kept = np.repeat(np.any(np.asarray(seen.whitening) != 0, axis=(-1, -2)), 2)
-    left, by_error, by_angle, alike = linearised(seen, NONE, angles_of(found))
-    covariance = np.eye(left.size) + by_error @ spread @ by_error.T + constant**2 * alike @ alike.T
+    left, by_error, by_angle, by_offset = linearised(seen, NONE, angles_of(found))
+    by_cause = np.concatenate([by_error, by_offset], axis=1)
+    covariance = np.eye(left.size) + by_cause @ both @ by_cause.T
     left, by_angle = left[kept], by_angle[kept]
     weight = np.linalg.inv(covariance[np.ix_(kept, kept)])
     step = np.linalg.solve(by_angle.T @ weight @ by_angle, by_angle.T @ weight @ left)
