@@ -1,7 +1,8 @@
 """The least variance that any estimate has: the Cramér–Rao bound of the joint angles.
 
 Source: H. L. Van Trees, *Detection, Estimation, and Modulation Theory*, part I, §2.4: with prior
-knowledge of nuisances, here the finger's errors, their information adds to that of the data.
+knowledge of nuisances, here the finger's errors and what corners are off by in all frames alike,
+their information adds to that of the data.
 """
 
 from __future__ import annotations
@@ -14,7 +15,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from perception.proprioception.corners import LOOSE, CornerModel, deviations
+from perception.proprioception.corners import (
+    CONSTANT,
+    LOOSE,
+    CornerModel,
+    deviations,
+    slopes_by_offset,
+)
 from perception.proprioception.observation import Observation
 
 
@@ -22,7 +29,7 @@ class Bound(NamedTuple):
     """Least standard deviations of a frame's joint angles, rad.
 
     Attributes:
-        finger_known: if the finger's errors were known.
+        finger_known: if the finger's errors, and what its corners are off by, were known.
         calibrated: if they are known as well as the calibration frames determine them.
     """
 
@@ -36,6 +43,8 @@ def compute_information_bound(
     frame: tuple[Observation, Float[np.ndarray, " joints"]],
     frames: tuple[Observation, Float[np.ndarray, "frames joints"]],
     label_deviation: float | None,
+    *,
+    constant: float = CONSTANT,
 ) -> Bound:
     """The bound for a frame of a finger that other frames have calibrated.
 
@@ -45,6 +54,7 @@ def compute_information_bound(
         frame: what is seen in it, and its true joint angles, rad.
         frames: the same of the calibration frames.
         label_deviation: standard deviation of their labels, rad; ``None`` without labels.
+        constant: that of what every corner is off by in all frames alike, px.
 
     Example:
         >>> from perception.proprioception import stack_observations
@@ -61,7 +71,8 @@ def compute_information_bound(
         True
     """
     spread = LOOSE if label_deviation is None else label_deviation
-    bounds = _bound(model, *jax.tree.map(jnp.asarray, (errors, frame, frames, spread)))
+    given = errors, frame, frames, spread, np.float64(constant)
+    bounds = _bound(model, *jax.tree.map(jnp.asarray, given))
     return Bound(*(np.sqrt(np.diagonal(np.asarray(bound))) for bound in bounds))
 
 
@@ -72,21 +83,23 @@ def _bound(
     frame: tuple[Observation, Float[Array, " joints"]],
     frames: tuple[Observation, Float[Array, "frames joints"]],
     spread: Float[Array, ""],
+    constant: Float[Array, ""],
 ) -> tuple[Array, Array]:
     def information(
         seen: Observation, pose: Array, spread: Array | float
     ) -> tuple[Array, Array, Array]:
-        """Of a frame on its own angles, on both, and on the errors."""
+        """Of a frame on its own angles, on both, and on errors and offsets."""
         slopes = jax.jacfwd(lambda e, p: deviations(model, e, p, seen), (0, 1))
         by_error, by_angle = slopes(errors, pose)
+        by_error = jnp.concatenate([by_error, constant * slopes_by_offset(seen)], axis=1)
         own = by_angle.T @ by_angle + jnp.eye(len(pose)) / spread**2
         return own, by_angle.T @ by_error, by_error.T @ by_error
 
     def about_errors(seen: Observation, pose: Array) -> Array:
-        """Information of a frame on the errors when its own angles are not asked for."""
+        """Information of a frame on these when its own angles are not asked for."""
         own, both, rest = information(seen, pose, spread)
         return rest - both.T @ jnp.linalg.solve(own, both)
 
     own, both, rest = information(*frame, LOOSE)
-    rest = rest + jnp.eye(model.errors) + jnp.sum(jax.vmap(about_errors)(*frames), axis=0)
+    rest = rest + jnp.eye(len(rest)) + jnp.sum(jax.vmap(about_errors)(*frames), axis=0)
     return jnp.linalg.inv(own), jnp.linalg.inv(own - both @ jnp.linalg.solve(rest, both.T))

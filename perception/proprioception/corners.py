@@ -30,14 +30,15 @@ NEAR, STEPS = 1e-3, 128
 """Relative tolerance of a pose that is refined, and a cap on iterations: with many corners that
 count less it converges linearly only."""
 
-REFINED, STILL = 6, 0.01
-"""Steps with the covariance of all that may move corners, and the last one at most, in standard
-deviations of the angles."""
+REFINED, SETTLED, STILL = 32, 1e-4, 0.01
+"""Steps with the covariance of all that may move corners, at most: with the finger's corners hardly
+any, with those of another one many. They end with one below `SETTLED`, and what is not `STILL` then
+is no solution (standard deviations of the angles)."""
 
 USUAL = 0.05
 """Part of the right frames whose χ² is beyond what is usual: it makes their deviations larger."""
 
-CONSTANT = 0.3
+CONSTANT = 0.4
 """Standard deviation of what a corner is off by in every frame alike, px of any image,
 beside its own covariance: a pad's edge is always rough in the same places."""
 
@@ -155,6 +156,11 @@ def deviations(
     return jnp.einsum("vcij,vcj->vci", jnp.asarray(seen.whitening), off).reshape(-1)
 
 
+def slopes_by_offset(seen: Observation) -> Float[Array, "data data"]:
+    """The derivative of `deviations` by what every corner is off by."""
+    return jax.scipy.linalg.block_diag(*jnp.asarray(seen.whitening).reshape(-1, 2, 2))
+
+
 def softened(left: Float[Array, "*data"]) -> Float[Array, "*data"]:
     """Deviations whose squares are those of the pseudo-Huber loss: outliers count less.
 
@@ -239,10 +245,9 @@ def _solve(
     def finite(one: Float[Array, "..."]) -> Float[Array, "..."]:
         return jnp.where(jnp.all(jnp.isfinite(one)), one, 0.0)
 
-    # The derivative of corners by their own offsets.
-    by_offset = jax.scipy.linalg.block_diag(*jnp.asarray(seen.whitening).reshape(-1, 2, 2))
+    by_offset = slopes_by_offset(seen)
 
-    def refined(angles: Float[Array, " joints"], _: None) -> tuple[Array, _Linear]:
+    def refined(angles: Float[Array, " joints"]) -> _Linear:
         """One Gauss-Newton step: corners that the finger's errors may move count less."""
         left = finite(left_at(errors.mean, angles))
         by_error, by_angle = map(finite, jax.jacfwd(left_at, (0, 1))(errors.mean, angles))
@@ -252,12 +257,15 @@ def _solve(
         slopes *= jax.vmap(jax.grad(softened))(whitened)[:, None]
         covariance = jnp.linalg.inv(slopes.T @ slopes + jnp.eye(len(angles)) / LOOSE**2)
         step = -covariance @ (slopes.T @ softened(whitened))
-        return angles + step, _Linear(left, by_angle, noise * total, noise * covariance, step)
+        return _Linear(angles + step, left, by_angle, noise * total, noise * covariance, step)
 
-    angles, steps = jax.lax.scan(refined, fit.solution.value, length=REFINED)
-    left, by_angle, total, covariance, step = jax.tree.map(lambda leaf: leaf[-1], steps)
-    moved = jnp.max(jnp.abs(step) / jnp.sqrt(jnp.diagonal(covariance)))
-    found = jnp.all(jnp.isfinite(left_at(errors.mean, angles))) & (moved < STILL)
+    _, last = jax.lax.while_loop(
+        lambda state: (state[0] < REFINED) & (state[1].moved > SETTLED),
+        lambda state: (state[0] + 1, refined(state[1].angles)),
+        (1, refined(fit.solution.value)),
+    )
+    angles, left, by_angle, total, covariance, step = last
+    found = jnp.all(jnp.isfinite(left_at(errors.mean, angles))) & (last.moved < STILL)
     left, by_angle = left + by_angle @ step, jnp.where(found, by_angle, 0.0)
     left = jnp.where(found, left, 0.0)
 
@@ -292,15 +300,16 @@ def _solve(
         return code.where(shown, result, code.not_seen)
 
     margin = jnp.where(shown & found, jnp.minimum(agreement, room), -1.0)
-    residual = jnp.broadcast_to(moved, margin.shape)
+    residual = jnp.broadcast_to(last.moved, margin.shape)
     pose = JointAngles(angles, covariance, misfit, own_misfit)
     return Solution(pose, margin, residual, jax.vmap(ended)(shown, agreement, room))
 
 
 class _Linear(NamedTuple):
-    """What is left of the corners at some angles, and the step from there.
+    """What is left of the corners at some angles, and a step from there.
 
     Attributes:
+        angles: that it leads to.
         left: in the corners' standard deviations.
         by_angle: its derivative.
         total: its covariance, by corners and by what the finger may be off.
@@ -308,11 +317,17 @@ class _Linear(NamedTuple):
         step: of these.
     """
 
+    angles: Float[Array, " joints"]
     left: Float[Array, " data"]
     by_angle: Float[Array, "data joints"]
     total: Float[Array, "data data"]
     covariance: Float[Array, "joints joints"]
     step: Float[Array, " joints"]
+
+    @property
+    def moved(self) -> Float[Array, ""]:
+        """The step, in standard deviations."""
+        return jnp.max(jnp.abs(self.step) / jnp.sqrt(jnp.diagonal(self.covariance)))
 
 
 def _whitened(

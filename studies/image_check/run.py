@@ -57,9 +57,10 @@ SURE = 5.0
 FAR_PX = 3.0
 """A corner that is off by less is not wrong, however sure it is."""
 
-STRAIGHT_PX = 0.15
-"""Standard deviation of a corner beyond its own covariance, and of what is the same in all frames:
-less than by default, which is for pads with rough edges. The photographed edges are straight."""
+FLOOR_PX, CONSTANT_PX = 0.02, 0.12
+"""Standard deviation of a corner beyond its own covariance, and of what it is off by in all frames
+alike: less than by default, which is for pads with rough edges. Most likely for ten fingers of seed
+0, given their true errors; their edges are straight."""
 
 FLAT = 1e-5
 """mm: a membrane that is lifted by less is flat."""
@@ -211,7 +212,8 @@ class Findings:
                 bare &= "polished" not in finger.layers
                 assert view is not None
                 off = view.corners - np.where(bare[:, None], judged, outline)
-                spread = np.linalg.inv(view.covariance + STRAIGHT_PX**2 * np.eye(2))
+                beyond = FLOOR_PX**2 + CONSTANT_PX**2
+                spread = np.linalg.inv(view.covariance + beyond * np.eye(2))
                 stated = {(end, side): view.ends[end] for end, side in CORNERS}
                 self.corners.add(
                     **of_view,
@@ -231,9 +233,9 @@ class Findings:
         unit: Float[np.ndarray, " errors"] | None,
     ) -> None:
         model, count = sensor.model, len(labels)
-        seen = [observe(one, model.views, STRAIGHT_PX) for one in sightings]
+        seen = [observe(one, model.views, FLOOR_PX) for one in sightings]
         labelled = stack_observations(seen[:count])
-        calibration = calibrate(model, labelled, labels, self._label, constant=STRAIGHT_PX)
+        calibration = calibrate(model, labelled, labels, self._label, constant=CONSTANT_PX)
         for number in range(count, len(seen)):
             pair = seen[number], sightings[number].angles
             found = find_pose(model, *pair, calibration.value.errors)
@@ -249,8 +251,9 @@ class Findings:
             bound = np.full(angles.shape[1], np.nan)
             if unit is not None:
                 frame, frames = (seen[number], angles[number]), (labelled, angles[:count])
-                limits = compute_information_bound(model, unit, frame, frames, self._label)
-                bound = limits.calibrated
+                bound = compute_information_bound(
+                    model, unit, frame, frames, self._label, constant=CONSTANT_PX
+                ).calibrated
             self.angles.add(
                 **where,
                 frame=number,

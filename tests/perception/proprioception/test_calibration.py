@@ -224,7 +224,7 @@ def test_deviations_of_errors_and_angles_are_the_scatter_of_repeats():
     # 40 draws give a deviation to 11 %. Calibrated first and solved then, not at once, and soft,
     # an answer is a little worse than it could be.
     own, others = (frame(np.zeros(ERRORS), POSE), POSE), (watched(np.zeros(ERRORS)), SPREAD_OUT)
-    bound = compute_information_bound(MODEL, np.zeros(ERRORS), own, others, LABELS)
+    bound = compute_information_bound(MODEL, np.zeros(ERRORS), own, others, LABELS, constant=0.0)
     np.testing.assert_allclose(np.std(off, axis=0) / bound.calibrated, 1.05, atol=0.25)
 
 
@@ -264,25 +264,29 @@ def test_labels_without_a_deviation_are_refused(deviation):
 
 
 def brute_force(
-    one: Observation, frames: Observation, label_deviation: float | None
+    one: Observation, frames: Observation, label_deviation: float | None, constant: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Both bounds by all unknowns at once: errors, the frame's angles, the other frames' angles."""
+    """Both bounds by all unknowns at once: errors, corners' offsets, angles of all frames."""
     poses = np.concatenate([POSE[None], SPREAD_OUT])
     parts = zip(*(np.concatenate([[a], b]) for a, b in zip(one, frames, strict=True)), strict=True)
     observed = [Observation(*part) for part in parts]
     spread = LOOSE if label_deviation is None else label_deviation
-    prior = [np.ones(ERRORS), np.full(JOINTS, LOOSE**-2.0), np.full(SPREAD_OUT.size, spread**-2.0)]
+    drawn = ERRORS + one.corners.size
+    prior = [np.ones(drawn), np.full(JOINTS, LOOSE**-2.0), np.full(SPREAD_OUT.size, spread**-2.0)]
     information = np.diag(np.concatenate(prior))
     for number, (seen, pose) in enumerate(zip(observed, poses, strict=True)):
 
         def left(values: np.ndarray, seen: Observation = seen) -> np.ndarray:
-            return whitened(corners_of(values[:ERRORS], values[ERRORS:]), seen)
+            errors, offsets, angles = np.split(values, [ERRORS, drawn])
+            offsets = constant * offsets.reshape(seen.corners.shape)
+            return whitened(corners_of(errors, angles) + offsets, seen)
 
-        slopes = differences(left, np.concatenate([MADE, pose]))
-        own = ERRORS + JOINTS * number + np.arange(JOINTS)
-        place = np.concatenate([np.arange(ERRORS), own])
+        at = np.concatenate([MADE, np.zeros(drawn - ERRORS), pose])
+        slopes = differences(left, at)
+        own = drawn + JOINTS * number + np.arange(JOINTS)
+        place = np.concatenate([np.arange(drawn), own])
         information[np.ix_(place, place)] += slopes.T @ slopes
-    asked = ERRORS + np.arange(JOINTS)
+    asked = drawn + np.arange(JOINTS)
     known = np.linalg.inv(information[np.ix_(asked, asked)])
     total = np.linalg.inv(information)[np.ix_(asked, asked)]
     return np.sqrt(np.diag(known)), np.sqrt(np.diag(total))
@@ -297,14 +301,17 @@ CASES = {
 """Views that are not seen in the frame, and in the calibration frames."""
 
 
+@pytest.mark.parametrize("constant", [0.0, 0.3])
 @pytest.mark.parametrize("label_deviation", [LABELS, None])
 @pytest.mark.parametrize("case", CASES)
-def test_the_bound_is_that_of_all_unknowns_at_once(case, label_deviation):
+def test_the_bound_is_that_of_all_unknowns_at_once(case, label_deviation, constant):
     lost, others = CASES[case]
     one, frames = uneven(frame(MADE, POSE, without=lost)), uneven(watched(MADE, without=others))
     own, labelled = (one, POSE), (frames, SPREAD_OUT)
-    bound = compute_information_bound(MODEL, MADE, own, labelled, label_deviation)
-    known, calibrated = brute_force(one, frames, label_deviation)
+    bound = compute_information_bound(
+        MODEL, MADE, own, labelled, label_deviation, constant=constant
+    )
+    known, calibrated = brute_force(one, frames, label_deviation, constant)
     # Differences are good to 1e-9; an inverse whose parts cancel is less good.
     np.testing.assert_allclose(bound.finger_known, known, rtol=1e-6)
     np.testing.assert_allclose(bound.calibrated, calibrated, rtol=1e-5)
