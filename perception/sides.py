@@ -224,7 +224,7 @@ def find_edges(
     crossings = [_falling(profile, start, inside - part * contrast) for part in (0.25, 0.5, 0.75)]
     begins, middle, ends = (reach[0] + step * place for place, _ in crossings)
     found = np.all([there for _, there in crossings], axis=0)
-    width = _Middle(found.reshape(shape)).of((ends - begins).reshape(shape))
+    width = _Medians(found.reshape(shape)).of((ends - begins).reshape(shape))
     # Where a view is too thin, as at its acute corners, another side's edge is in the way.
     thick = np.repeat(FEET * width + REACH * (1 - BRIGHTER), POINTS)
     inward = flat - (thick / scale)[:, None] * outward
@@ -235,13 +235,14 @@ def find_edges(
     there = (found & clear & (height >= LEAST_CONTRAST)).reshape(shape)
     dark = np.where(lit, inside, outside).reshape(shape)
     dark = float(np.median(dark, axis=1).min())
-    depth, middles = contrast / np.maximum(inside - dark, 1.0), _Middle(there)
-    deep = middles.of(depth.reshape(shape))
+    depth = contrast / np.maximum(inside - dark, 1.0)
+    medians = _Medians(there)
+    deep = medians.of(depth.reshape(shape))
     doubt = SEAM * np.maximum(DEEP - deep, 0.0)
     # Blur is much the same on all sides: a wider edge is a gradient of light, its half no edge.
     doubt = np.hypot(doubt, GRADUAL * np.maximum(width - WIDER * np.median(width), 0.0))
     by_lamps = np.asarray(lit.reshape(shape)[:, 0])
-    doubt = np.where(by_lamps, middles.of(glow.reshape(shape)), doubt)
+    doubt = np.where(by_lamps, medians.of(glow.reshape(shape)), doubt)
     return Edges(
         shares=shares,
         offsets=(middle / scale).reshape(shape),
@@ -249,7 +250,7 @@ def find_edges(
         found=there,
         contrast=np.where(
             there.any(axis=1),
-            middles.of(height.reshape(shape)),
+            medians.of(height.reshape(shape)),
             np.median(height.reshape(shape), axis=1),
         ),
         width=width,
@@ -265,7 +266,7 @@ def _brighter(inner: Float[np.ndarray, "places samples"]) -> Float[np.ndarray, "
     below, part = divmod(BRIGHTER * (inner.shape[1] - 1), 1)
     at = int(below)
     ordered = np.partition(inner, (at, at + 1), axis=1)
-    return ordered[:, at] + part * (ordered[:, at + 1] - ordered[:, at])
+    return ordered[:, at + 1] - (1 - part) * (ordered[:, at + 1] - ordered[:, at])
 
 
 def _depths(
@@ -365,15 +366,15 @@ def fit_lines(edges: Edges) -> list[Line]:
     found, offsets = edges.found, edges.offsets * edges.scale
     if not found.any():
         return [unknown] * len(found)
-    middles = _Middle(found)
+    medians = _Medians(found)
     design = np.stack([edges.scale, edges.scale * edges.shares], axis=-1)
     left = offsets - np.sum(design * _repeated_medians(edges)[:, None], axis=-1)
-    solution, normal, weights = _weighted(design, offsets, left, middles.deviation(left), found)
+    solution, normal, weights = _weighted(design, offsets, left, medians.deviation(left), found)
     for _ in range(ROUNDS - 1):
         left = offsets - (design @ solution)[..., 0]
-        solution, normal, weights = _weighted(design, offsets, left, middles.deviation(left), found)
+        solution, normal, weights = _weighted(design, offsets, left, medians.deviation(left), found)
     left = offsets - (design @ solution)[..., 0]
-    deviation = middles.deviation(left)
+    deviation = medians.deviation(left)
     bend = _bends(left, deviation[:, 0], found)
     variance = np.sum(weights * left**2, axis=1) / np.maximum(np.sum(weights, axis=1) - 2, 1)
     furthest = TUKEY * deviation
@@ -411,7 +412,7 @@ def _bends(
     off = []
     for one in (slice(0, part), slice(left.shape[1] - part, None)):
         there = found[:, one]
-        middle = _Middle(there).of(left[:, one])
+        middle = _Medians(there).of(left[:, one])
         scatter = deviation / np.sqrt(np.maximum(there.sum(axis=1), 1))
         off.append(np.maximum(np.abs(middle) - SCATTERED * scatter, 0.0))
     return np.stack(off, axis=-1)
@@ -443,14 +444,14 @@ def _repeated_medians(edges: Edges) -> Float[np.ndarray, "sides 2"]:
     run = edges.shares - edges.shares[:, None] + np.eye(len(edges.shares))
     turns = (edges.offsets[:, None, :] - edges.offsets[..., None]) / run
     others = edges.found[:, None, :] & ~np.eye(len(edges.shares), dtype=bool)
-    middles = _Middle(edges.found)
-    turn = middles.of(_Middle(others).of(turns))
-    offset = middles.of(edges.offsets - turn[:, None] * edges.shares)
+    medians = _Medians(edges.found)
+    turn = medians.of(_Medians(others).of(turns))
+    offset = medians.of(edges.offsets - turn[:, None] * edges.shares)
     return np.stack([offset, turn], axis=-1)
 
 
-class _Middle:
-    """Where the medians are of values that are there, along the last axis, once these are sorted.
+class _Medians:
+    """Medians along the last axis of the values that are there, whose ranks are counted once.
 
     Args:
         there: which values count.

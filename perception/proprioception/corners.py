@@ -27,8 +27,8 @@ LOOSE = 10.0
 """Standard deviation of a joint angle before anything is seen, rad: no information."""
 
 NEAR, STEPS = 1e-3, 128
-"""Relative tolerance of a pose that is refined, and a cap on iterations: with many corners that
-count less it converges linearly only."""
+"""Relative tolerance of the pose that is refined then, and a cap on iterations of the search for
+it: with many corners that count less it converges linearly only."""
 
 REFINED, SETTLED, STILL = 32, 1e-4, 0.01
 """Steps with the covariance of all that may move corners, at most: with the finger's corners hardly
@@ -38,7 +38,7 @@ is no solution (standard deviations of the angles)."""
 USUAL = 0.05
 """Part of the right frames whose χ² is beyond what is usual: it makes their deviations larger."""
 
-CONSTANT = 0.4
+CONSTANT = 0.3
 """Standard deviation of what a corner is off by in every frame alike, px of any image,
 beside its own covariance: a pad's edge is always rough in the same places."""
 
@@ -199,7 +199,8 @@ def find_pose(
     Returns:
         One element for each joint. ``margin`` is the lesser of 1 − χ² / its limit and of the
         distance from the nearer end of the range over that range, −1 where nothing is found;
-        ``residual`` is the last step, in standard deviations.
+        ``residual`` is the last step, in standard deviations, and 1
+        where nothing is found.
 
     Raises:
         ValueError: the significance does not lie between 0 and 1.
@@ -242,32 +243,41 @@ def _solve(
     )
     noise = errors.scale**2
 
-    def finite(one: Float[Array, "..."]) -> Float[Array, "..."]:
-        return jnp.where(jnp.all(jnp.isfinite(one)), one, 0.0)
-
     by_offset = slopes_by_offset(seen)
 
     def refined(angles: Float[Array, " joints"]) -> _Linear:
         """One Gauss-Newton step: corners that the finger's errors may move count less."""
-        left = finite(left_at(errors.mean, angles))
-        by_error, by_angle = map(finite, jax.jacfwd(left_at, (0, 1))(errors.mean, angles))
+        raw = left_at(errors.mean, angles), *jax.jacfwd(left_at, (0, 1))(errors.mean, angles)
+        known = jnp.all(jnp.array([jnp.all(jnp.isfinite(one)) for one in raw]))
+        left, by_error, by_angle = (jnp.where(known, one, 0.0) for one in raw)
         by_cause = jnp.concatenate([by_error, by_offset], axis=1)
         total = jnp.eye(left.size) + by_cause @ (errors.covariance / noise) @ by_cause.T
         whitened, slopes = _whitened(total, left, by_angle)
         slopes *= jax.vmap(jax.grad(softened))(whitened)[:, None]
         covariance = jnp.linalg.inv(slopes.T @ slopes + jnp.eye(len(angles)) / LOOSE**2)
         step = -covariance @ (slopes.T @ softened(whitened))
-        return _Linear(angles + step, left, by_angle, noise * total, noise * covariance, step)
+        covariances = noise * total, noise * covariance
+        return _Linear(angles + step, left, by_angle, *covariances, step, known)
 
+    # An infinite step leads to where the refinement begins.
+    nothing = jax.tree.map(jnp.zeros_like, jax.eval_shape(refined, guess))
+    start = nothing._replace(angles=fit.solution.value, step=jnp.full_like(guess, jnp.inf))
     _, last = jax.lax.while_loop(
         lambda state: (state[0] < REFINED) & (state[1].moved > SETTLED),
         lambda state: (state[0] + 1, refined(state[1].angles)),
-        (1, refined(fit.solution.value)),
+        (0, start),
     )
-    angles, left, by_angle, total, covariance, step = last
-    found = jnp.all(jnp.isfinite(left_at(errors.mean, angles))) & (last.moved < STILL)
-    left, by_angle = left + by_angle @ step, jnp.where(found, by_angle, 0.0)
-    left = jnp.where(found, left, 0.0)
+    found = last.known & jnp.all(jnp.isfinite(left_at(errors.mean, last.angles)))
+    found &= last.moved < STILL
+    nothing = nothing._replace(
+        angles=fit.solution.value,
+        total=jnp.eye(last.left.size),
+        covariance=LOOSE**2 * jnp.eye(len(guess)),
+    )
+    used_up = last._replace(left=last.left + last.by_angle @ last.step)
+    angles, left, by_angle, total, covariance, *_ = jax.tree.map(
+        lambda one, none: jnp.where(found, one, none), used_up, nothing
+    )
 
     def misfit_of(views: Bool[Array, " views"]) -> Misfit:
         """The misfit of some views by themselves, whatever the others show."""
@@ -300,7 +310,7 @@ def _solve(
         return code.where(shown, result, code.not_seen)
 
     margin = jnp.where(shown & found, jnp.minimum(agreement, room), -1.0)
-    residual = jnp.broadcast_to(last.moved, margin.shape)
+    residual = jnp.broadcast_to(jnp.where(found, last.moved, 1.0), margin.shape)
     pose = JointAngles(angles, covariance, misfit, own_misfit)
     return Solution(pose, margin, residual, jax.vmap(ended)(shown, agreement, room))
 
@@ -315,6 +325,7 @@ class _Linear(NamedTuple):
         total: its covariance, by corners and by what the finger may be off.
         covariance: of the angles.
         step: of these.
+        known: whether all that these follow from is finite.
     """
 
     angles: Float[Array, " joints"]
@@ -323,6 +334,7 @@ class _Linear(NamedTuple):
     total: Float[Array, "data data"]
     covariance: Float[Array, "joints joints"]
     step: Float[Array, " joints"]
+    known: Bool[Array, ""]
 
     @property
     def moved(self) -> Float[Array, ""]:

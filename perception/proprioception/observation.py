@@ -11,10 +11,9 @@ from jaxtyping import Array, Bool, Float
 from perception.matching import Sighting
 from perception.quality import Quality
 
-FLOOR = 0.1
+FLOOR = 0.25
 """Standard deviation of a corner that its covariance does not contain, px of any image: blur,
-saturation and compression move edges, and lenses are not quite as they are thought. Most likely for
-rendered fingers with rough edges (0.095), as is `corners.CONSTANT`."""
+saturation and compression move edges, and lenses are not quite as they are thought."""
 
 WORST = 1e12
 """A view with a corner that is known so unevenly is not used: a side of it was not found."""

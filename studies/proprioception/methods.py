@@ -32,7 +32,6 @@ from perception.proprioception import (
     split_estimates,
     stack_observations,
 )
-from perception.proprioception.observation import FLOOR
 from studies.models.sensor.estimators import corner_model, fit_joint_edges, gap_table
 from studies.models.sensor.finger_sensor import CURE, FingerSensor
 from studies.models.sensor.poses import spread_angles
@@ -54,7 +53,10 @@ EXACT = "all corners, finger known"
 METHODS = [GAP, EDGE, DESIGNED, LABELLED, UNLABELLED]
 """From the simplest on."""
 
-END_NOISE = FLOOR / math.sqrt(2)
+CORNER_PX = 0.25
+"""Standard deviation of a corner for gap and edge, which take none of the corners' own, px."""
+
+END_NOISE = CORNER_PX / math.sqrt(2)
 """Standard deviation of an end's section angle in an image, px: an end is the mean of two corners.
 """
 
@@ -166,7 +168,7 @@ class Estimators:
         gaps = []
         for table, labels in zip(self.gaps, seen.in_gap.labels.T, strict=True):
             measured = np.array([table.measured(one) for one in seen.in_gap.sightings])
-            gaps.append(calibrate_gap(table, measured, labels, noise=FLOOR * pixel, **stated))
+            gaps.append(calibrate_gap(table, measured, labels, noise=CORNER_PX * pixel, **stated))
         stated["edge_deviation"] = END_NOISE * pixel
         edges = fit_joint_edges(model, spread.sightings, spread.labels, **stated)
         by_gap = [

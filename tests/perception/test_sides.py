@@ -9,7 +9,20 @@ import scipy.ndimage
 
 from perception.lens import TangentPlane
 from perception.masks import lamp_mask
-from perception.sides import DEEP, POINTS, SEAM, TRIMMED, Edges, Line, Side, find_edges, fit_lines
+from perception.sides import (
+    BRIGHTER,
+    DEEP,
+    POINTS,
+    SEAM,
+    TRIMMED,
+    Edges,
+    Line,
+    Side,
+    _brighter,
+    _Medians,
+    find_edges,
+    fit_lines,
+)
 from tests.perception.drawn import BRIGHT, DARK, Eye, Pad, defocused, drawn, rays_of, stored
 
 EYE = Eye()
@@ -242,3 +255,23 @@ def test_a_line_whose_end_is_bent_is_unsure_there(bulge):
         assert abs(line.at(1.0) * SCALE - bulge) < 2 * end
     else:
         assert end < 0.15
+
+
+@pytest.mark.parametrize("shape", [(6, 9), (4, 5, 8)])
+def test_medians_are_those_of_the_values_that_are_there(shape):
+    generator = np.random.default_rng(3)
+    values = generator.standard_normal(shape)
+    there = generator.random(shape) < np.linspace(0, 1, shape[-2])[:, None]
+    there[..., 1, :] = np.arange(shape[-1]) == 2
+    expected = [
+        np.median(one[own]) if own.any() else 0.0
+        for one, own in zip(
+            values.reshape(-1, shape[-1]), there.reshape(-1, shape[-1]), strict=True
+        )
+    ]
+    np.testing.assert_array_equal(_Medians(there).of(values).ravel(), expected)
+
+
+def test_what_the_brighter_samples_exceed_is_a_quantile():
+    inner = np.random.default_rng(4).uniform(0, 255, (50, 17)).astype(np.float32)
+    np.testing.assert_array_equal(_brighter(inner), np.quantile(inner, BRIGHTER, axis=1))

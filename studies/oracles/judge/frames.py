@@ -231,6 +231,7 @@ def find_places(
     u, v = STENCIL.T
     basis = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)
     beside, residuals = np.full_like(places, np.nan), np.full(len(places), np.nan)
+    before = places
     for _ in range(ROUNDS):
         before = places.copy()
         traced = alone.trace(*lens.sight((places[:, None] + STENCIL).reshape(-1, 2)))
@@ -239,7 +240,7 @@ def find_places(
         on = np.stack([traced.along, traced.across], axis=-1).reshape(*shape, 2)
         for i, ok in enumerate(valid):
             if ok.sum() < FEWEST:
-                places[i] = beside[i] = np.nan
+                places[i] = beside[i] = residuals[i] = np.nan
                 continue
             fit = np.linalg.lstsq(basis[ok], on[i, ok])[0]
             off = on[i, ok] - basis[ok] @ fit
@@ -251,6 +252,7 @@ def find_places(
             break
     astray = np.any(np.abs(places - before) > ASTRAY, axis=-1)
     places[astray] = beside[astray] = np.nan
+    residuals[astray] = np.nan
     return places, beside, residuals
 
 

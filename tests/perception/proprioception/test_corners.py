@@ -200,6 +200,19 @@ def test_corners_that_are_no_numbers_give_no_angle():
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(found))
 
 
+def test_a_model_without_a_derivative_gives_no_angle():
+    """Its value is finite, and so is every step that takes the derivative for 0."""
+
+    def predict(errors: jax.Array, angles: jax.Array) -> jax.Array:
+        return MODEL.predict(errors, angles) + jnp.sqrt(jnp.abs(errors[0]))
+
+    model = eqx.tree_at(lambda m: m.predict, MODEL, predict)
+    found = find_pose(model, frame(NONE, POSE), POSE)
+    assert codes_of(found) == ["unsolved"] * 2
+    assert found.residual.tolist() == [1, 1]
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(found))
+
+
 def test_corners_far_off_slow_the_search_down_and_do_not_end_it():
     """With one corner that counts less, convergence is linear."""
     generator, off = np.random.default_rng(12), 10.0
@@ -363,7 +376,8 @@ PICTURES = {
 def test_corners_of_another_picture_contradict_the_model(wrong):
     seen = frame(NONE, POSE, generator=np.random.default_rng(17))
     corners = MIDDLE + PICTURES[wrong](seen.corners - MIDDLE)
-    assert not find_pose(MODEL, Observation(corners, seen.whitening), POSE).ok.any()
+    found = find_pose(MODEL, Observation(corners, seen.whitening), POSE)
+    assert codes_of(found) == ["contradicted"] * 2
 
 
 @pytest.mark.parametrize("level", [0.0, 1.0, -0.1, np.nan])
