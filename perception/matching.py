@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from statistics import NormalDist
 from typing import NamedTuple
 
@@ -435,14 +436,29 @@ class _Search(NamedTuple):
             quad = self.mended(index, 0, near[0]) if near else None
             if quad is None or quad is near[0]:
                 reach = AGREEING * float(family.spread[0].max())
-                rows = np.arange(-reach, reach + 1, STEP)
-                starts = (_expected(family, 0, np.array([0.0, row])) for row in rows)
-                quad = self.likeliest(index, 0, map(self.at, starts))
+                quad = self.about(index, reach)
                 clear = [one.contrast for one in near if one.quality is Quality.COMPLETE]
                 if quad is not None and quad.contrast < FAINTER * max(clear, default=0):
                     quad = None
             if quad is not None:
                 yield quad
+
+    def about(self, index: int, reach: float) -> Quad | None:
+        """A view that no joint moves, looked for above and below where it is expected.
+
+        If it is not there it may be to the left or to the right, where a turned camera has it.
+
+        Args:
+            index: of the view.
+            reach: how far above and below, px.
+        """
+        rows = np.arange(-reach, reach + 1, STEP)
+        expected = partial(_expected, self.catalog.families[index], 0)
+        for columns in ([0.0], [-STEP, STEP]):
+            shifts = np.array([(column, row) for column in columns for row in rows])
+            if quad := self.likeliest(index, 0, map(self.at, map(expected, shifts))):
+                return quad
+        return None
 
 
 def canonical(corners: Float[np.ndarray, "*values 4 2"]) -> Float[np.ndarray, "*values 4 2"]:

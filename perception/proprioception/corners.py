@@ -30,7 +30,7 @@ NEAR, STEPS = 1e-3, 128
 """Relative tolerance of the pose that is refined then, and a cap on iterations of the search for
 it: with many corners that count less it converges linearly only."""
 
-REFINED, SETTLED, STILL = 32, 1e-4, 0.01
+REFINED, SETTLED, STILL = 32, 1e-8, 0.01
 """Steps with the covariance of all that may move corners, at most: with the finger's corners hardly
 any, with those of another one many. They end with one below `SETTLED`, and what is not `STILL` then
 is no solution (standard deviations of the angles)."""

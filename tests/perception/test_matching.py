@@ -309,6 +309,18 @@ def test_a_view_that_has_run_into_something_at_both_ends_is_looked_for_between()
     np.testing.assert_allclose(view.corners, pad, atol=1e-6)
 
 
+@pytest.mark.parametrize("aside", [-11.0, 0.0, 11.0])
+def test_what_stays_is_looked_for_where_a_camera_out_of_place_has_it(aside):
+    pad = still_of_length(1.0) + np.array([aside, 6.0])
+
+    def follow(start, _):
+        return quad_of(pad) if np.abs(start - pad).max() < 8 else None
+
+    view = found_in(match_views([], KNOWN, LENS, follow), *VIEWS[ALONE])
+    assert view.quality is Quality.COMPLETE
+    np.testing.assert_allclose(view.corners, pad, atol=1e-6)
+
+
 def test_of_views_from_several_starts_the_one_as_long_as_the_pad_counts():
     """The other is within the tolerance, too, as its length is little known."""
     corners, pad = still_of_length(1.1), still_of_length(1.0)
