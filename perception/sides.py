@@ -201,13 +201,13 @@ def find_edges(
     outside = profile[:, SAMPLES // 2 :].min(axis=1)
     lit, glow = np.zeros(len(flat), bool), np.zeros(len(flat))
     seam = np.repeat(np.arange(len(sides)) == adjoining, POINTS)
-    none = lamps is None or not lamps.any()
-    if not none or adjoining is not None:
+    in_view = lamps is not None and bool(lamps.any())
+    if in_view or adjoining is not None:
         lamp = np.zeros(profile.shape, bool)
         if lamps is not None:
             lamp = sampled(lamps, places[:, 2 * NEAR :]) > 0
         # A lamp along the section may be seen too thin to be clipped.
-        along = np.repeat((np.arange(len(sides)) % 2 == 0) & (not none), POINTS)
+        along = np.repeat((np.arange(len(sides)) % 2 == 0) & in_view, POINTS)
         toward = lamp | (along | seam)[:, None]
         rise = _rises(long, lens, toward, seam, _depths(sides, flat, outward) * scale)
         lit = np.repeat((rise < SAMPLES).reshape(shape).mean(axis=1) > LIT, POINTS)

@@ -31,9 +31,9 @@ NEAR, STEPS = 1e-3, 128
 it: with many corners that count less it converges linearly only."""
 
 REFINED, SETTLED, STILL = 32, 1e-8, 0.01
-"""Steps with the covariance of all that may move corners, at most: with the finger's corners hardly
-any, with those of another one many. They end with one below `SETTLED`, and what is not `STILL` then
-is no solution (standard deviations of the angles)."""
+"""Cap on steps with the covariance of all that may move corners: where all corners fit a few are
+enough, where many count less it takes tens. No more are needed after one below `SETTLED`; a pose
+whose last step is not below `STILL` is no solution (both in standard deviations of the angles)."""
 
 USUAL = 0.05
 """Part of the right frames whose χ² is beyond what is usual: it makes their deviations larger."""
@@ -199,8 +199,7 @@ def find_pose(
     Returns:
         One element for each joint. ``margin`` is the lesser of 1 − χ² / its limit and of the
         distance from the nearer end of the range over that range, −1 where nothing is found;
-        ``residual`` is the last step, in standard deviations, and 1
-        where nothing is found.
+        ``residual`` is the last step, in standard deviations, and 1 where nothing is found.
 
     Raises:
         ValueError: the significance does not lie between 0 and 1.
@@ -241,9 +240,7 @@ def _solve(
     fit: Fit = least_squares(
         residuals, guess, tolerance=NEAR, max_steps=STEPS, differentiable=False
     )
-    noise = errors.scale**2
-
-    by_offset = slopes_by_offset(seen)
+    noise, by_offset = errors.scale**2, slopes_by_offset(seen)
 
     def refined(angles: Float[Array, " joints"]) -> _Linear:
         """One Gauss-Newton step: corners that the finger's errors may move count less."""
@@ -259,9 +256,13 @@ def _solve(
         covariances = noise * total, noise * covariance
         return _Linear(angles + step, left, by_angle, *covariances, step, known)
 
-    # An infinite step leads to where the refinement begins.
-    nothing = jax.tree.map(jnp.zeros_like, jax.eval_shape(refined, guess))
-    start = nothing._replace(angles=fit.solution.value, step=jnp.full_like(guess, jnp.inf))
+    # Where the refinement begins, by an infinite step, and what there is where it does not end.
+    start = jax.tree.map(jnp.zeros_like, jax.eval_shape(refined, guess))._replace(
+        angles=fit.solution.value,
+        total=jnp.eye(seen.corners.size),
+        covariance=LOOSE**2 * jnp.eye(len(guess)),
+        step=jnp.full_like(guess, jnp.inf),
+    )
     _, last = jax.lax.while_loop(
         lambda state: (state[0] < REFINED) & (state[1].moved > SETTLED),
         lambda state: (state[0] + 1, refined(state[1].angles)),
@@ -269,14 +270,9 @@ def _solve(
     )
     found = last.known & jnp.all(jnp.isfinite(left_at(errors.mean, last.angles)))
     found &= last.moved < STILL
-    nothing = nothing._replace(
-        angles=fit.solution.value,
-        total=jnp.eye(last.left.size),
-        covariance=LOOSE**2 * jnp.eye(len(guess)),
-    )
-    used_up = last._replace(left=last.left + last.by_angle @ last.step)
+    last = last._replace(left=last.left + last.by_angle @ last.step)
     angles, left, by_angle, total, covariance, *_ = jax.tree.map(
-        lambda one, none: jnp.where(found, one, none), used_up, nothing
+        lambda end, begin: jnp.where(found, end, begin), last, start
     )
 
     def misfit_of(views: Bool[Array, " views"]) -> Misfit:

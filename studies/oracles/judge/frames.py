@@ -251,8 +251,7 @@ def find_places(
         if np.all((np.abs(places - before) < SETTLED) | np.isnan(places)):
             break
     astray = np.any(np.abs(places - before) > ASTRAY, axis=-1)
-    places[astray] = beside[astray] = np.nan
-    residuals[astray] = np.nan
+    places[astray] = beside[astray] = residuals[astray] = np.nan
     return places, beside, residuals
 
 
