@@ -90,7 +90,9 @@ class ViewFamily:
         visible: whether any of the pad is seen.
         possible: whether any of it is in some finger, with errors of fabrication.
         complete: in what share of fingers, with errors of fabrication, all of it is seen.
-        ends: whether its first and its second end are seen in all of them.
+        unhidden: of the fingers that show any of it, in what share nothing hides a part, but for
+            the image's border.
+        ends: whether nothing hides its first and its second end in any of these, either.
         spread: root mean square distance of its first and of its second end's corners from
             ``corners``, by errors of fabrication, px.
         extent: the pad's length as this view shows it (`perception.lengths`), and its standard
@@ -109,6 +111,7 @@ class ViewFamily:
     visible: Bool[np.ndarray, " values"]
     possible: Bool[np.ndarray, " values"]
     complete: Float[np.ndarray, " values"]
+    unhidden: Float[np.ndarray, " values"]
     ends: Bool[np.ndarray, "values 2"]
     spread: Float[np.ndarray, "values 2"]
     extent: Float[np.ndarray, "values 2"]
@@ -150,6 +153,8 @@ class View:
         corners: column and row, in the pad's own order; NaN where it is missing.
         rays: of the corners.
         covariance: of the corners, px².
+        roughness: the part of it that is in every image of this view: the pad's edges are rough,
+            px².
         area: of the view, px².
     """
 
@@ -161,6 +166,7 @@ class View:
     corners: Float[np.ndarray, "4 2"]
     rays: Float[np.ndarray, "4 2"]
     covariance: Float[np.ndarray, "4 2 2"]
+    roughness: Float[np.ndarray, "4 2 2"]
     area: float
 
 
@@ -221,6 +227,7 @@ def match_views(
         ...     corners[None],
         ...     whole[:, 0],
         ...     whole[:, 0],
+        ...     np.ones(1),
         ...     np.ones(1),
         ...     whole,
         ...     np.zeros((1, 2)),
@@ -324,7 +331,7 @@ class _Search(NamedTuple):
             return replace(quad, quality=Quality.MERGED)
         if measured_grazing(quad, catalog.width) < catalog.grazing[family.pad]:
             return replace(quad, quality=Quality.FLAT)
-        whole = float(family.complete[_around(value)].mean())
+        whole = float(family.unhidden[_around(value)].mean())
         wanted, of_finger = family.extent[value].tolist()
         length, of_corners = measured_length(quad, catalog.width, lens)
         deviation = math.hypot(of_corners, of_finger)
@@ -555,6 +562,7 @@ def _found(
         corners=corners,
         rays=lens.rays(corners) if family.bend[value].any() else quad.rays[order],
         covariance=quad.covariance[order],
+        roughness=quad.roughness[order],
         area=quad.area,
     )
 
@@ -625,5 +633,6 @@ def _missing(family: ViewFamily) -> View:
         corners=nothing,
         rays=nothing,
         covariance=np.full((4, 2, 2), np.nan),
+        roughness=np.full((4, 2, 2), np.nan),
         area=0.0,
     )

@@ -73,6 +73,7 @@ class Quad:
         rays: of the corners.
         corners: where they are in the image.
         covariance: of each corner's place, px².
+        roughness: the part of it that is in every image of this pad: its edges are rough, px².
         area: of the blob, px².
         contrast: step of brightness across the side that has the least, of 255.
         scatter: standard deviation of edges about the side that fits worst, px.
@@ -82,6 +83,7 @@ class Quad:
     rays: Float[np.ndarray, "4 2"]
     corners: Float[np.ndarray, "4 2"]
     covariance: Float[np.ndarray, "4 2 2"]
+    roughness: Float[np.ndarray, "4 2 2"]
     area: float
     contrast: float
     scatter: float
@@ -194,8 +196,7 @@ def _settled(
     contrast = float(found.edges.contrast.min())
     scatter = max(line.scatter for line in found.lines)
     quality = Quality.COMPLETE
-    # A lamp across an end may be before it, and hide a part of the pad.
-    if border.any() or found.edges.lit[1::2].any():
+    if border.any():
         quality = Quality.CLIPPED
     elif contrast < LEAST_CONTRAST:
         quality = Quality.LOW_CONTRAST
@@ -203,9 +204,9 @@ def _settled(
         quality = Quality.BLURRED
     elif not np.isfinite(scatter):
         quality = Quality.LOW_CONTRAST
-    covariance = _covariances(lens, plane, found)
     area = float(cv2.contourArea(contour))
-    return Quad(rays, lens.project(rays), covariance, area, contrast, scatter, quality)
+    covariances = _covariances(lens, plane, found)
+    return Quad(rays, lens.project(rays), *covariances, area, contrast, scatter, quality)
 
 
 def first_corners(flat: Float[np.ndarray, "_ 2"]) -> Float[np.ndarray, "4 2"] | None:
@@ -318,8 +319,10 @@ def _is_convex(corners: Float[np.ndarray, "4 2"]) -> bool:
     return bool(np.isfinite(corners).all() and (turns < -FLAT).all())
 
 
-def _covariances(lens: Lens, plane: TangentPlane, outline: _Outline) -> Float[np.ndarray, "4 2 2"]:
-    """Covariance of every corner's place in the image, px²."""
+def _covariances(
+    lens: Lens, plane: TangentPlane, outline: _Outline
+) -> tuple[Float[np.ndarray, "4 2 2"], Float[np.ndarray, "4 2 2"]]:
+    """Covariance of every corner's place in the image, and the part that is roughness, px²."""
     corners, sides, lines = outline.corners, outline.sides, outline.lines
     moved = np.concatenate([corners, corners + SMALL * RIGHT, corners + SMALL * UP])
     at, right, up = np.split(lens.project(plane.rays(moved)), 3)
@@ -327,7 +330,8 @@ def _covariances(lens: Lens, plane: TangentPlane, outline: _Outline) -> Float[np
     found = []
     for i in range(4):
         normals = np.stack([sides[i - 1].outward, sides[i].outward])
-        offsets = np.diag([lines[i - 1].variance(1.0), lines[i].variance(0.0)])
+        both = zip(lines[i - 1].variances(1.0), lines[i].variances(0.0), strict=True)
         to_plane = to_image[i] @ np.linalg.inv(normals)
-        found.append(to_plane @ offsets @ to_plane.T)
-    return np.stack(found)
+        found.append([to_plane @ np.diag(offsets) @ to_plane.T for offsets in both])
+    covariance, roughness = np.swapaxes(found, 0, 1)
+    return covariance, roughness

@@ -143,22 +143,24 @@ class Line:
         offset: tangent plane.
         turn: tangent plane.
         covariance: of both.
+        roughness: the part of it that neighbouring edges share: where a pad's own edge is rough.
         scatter: standard deviation of the edges about it, px.
     """
 
     offset: float
     turn: float
     covariance: Float[np.ndarray, "2 2"]
+    roughness: Float[np.ndarray, "2 2"]
     scatter: float
 
     def at(self, share: float) -> float:
         """How far outward the line is at a part of the side, tangent plane."""
         return self.offset + self.turn * share
 
-    def variance(self, share: float) -> float:
-        """Variance of that."""
+    def variances(self, share: float) -> tuple[float, float]:
+        """Variance of that, and the part of it that is the edge's roughness."""
         weights = np.array([1.0, share])
-        return float(weights @ self.covariance @ weights)
+        return float(weights @ self.covariance @ weights), float(weights @ self.roughness @ weights)
 
 
 def find_edges(
@@ -361,8 +363,9 @@ def fit_lines(edges: Edges) -> list[Line]:
     Sources: A. F. Siegel, *Robust regression using repeated medians*, Biometrika 69 (1982) 242;
     P. J. Huber, E. M. Ronchetti, *Robust Statistics*, 2nd ed., §7.8. Neighbouring edges err alike,
     so the covariance counts fewer of them: n (1 − r) / (1 + r) for the correlation r of neighbours.
+    Noise has no neighbours: the part 1 − r of their variance is as in n independent edges.
     """
-    unknown = Line(0.0, 0.0, np.diag([UNKNOWN, 0.0]), np.inf)
+    unknown = Line(0.0, 0.0, np.diag([UNKNOWN, 0.0]), np.zeros((2, 2)), np.inf)
     found, offsets = edges.found, edges.offsets * edges.scale
     if not found.any():
         return [unknown] * len(found)
@@ -383,7 +386,9 @@ def fit_lines(edges: Edges) -> list[Line]:
     mean_square = np.sum(near**2, axis=1) / np.maximum(found.sum(axis=1), 1)
     alike = np.sum(near[:, 1:] * near[:, :-1], axis=1) / pairs / np.maximum(mean_square, 1e-12)
     alike = np.clip(alike, 0.0, 0.9)
-    covariance = (variance * (1 + alike) / (1 - alike))[:, None, None] * np.linalg.inv(normal)
+    independent = variance[:, None, None] * np.linalg.inv(normal)
+    covariance = ((1 + alike) / (1 - alike))[:, None, None] * independent
+    roughness = covariance - (1 - alike)[:, None, None] * independent
     scale = np.mean(edges.scale, axis=1)
     covariance[:, 0, 0] += (edges.doubt / scale) ** 2
     # What moves one end only, and turns the side.
@@ -391,7 +396,13 @@ def fit_lines(edges: Edges) -> list[Line]:
     covariance += first[:, None, None] * np.array([[1, -1], [-1, 1]])
     covariance[:, 1, 1] += last
     return [
-        Line(float(line[0, 0]), float(line[1, 0]), covariance[i], float(np.sqrt(variance[i])))
+        Line(
+            offset=float(line[0, 0]),
+            turn=float(line[1, 0]),
+            covariance=covariance[i],
+            roughness=roughness[i],
+            scatter=float(np.sqrt(variance[i])),
+        )
         if found[i].sum() >= POINTS // 4
         else unknown
         for i, line in enumerate(solution)

@@ -62,7 +62,7 @@ def map_to_image(
         ...     (True, True),
         ...     corners,
         ...     lens.rays(corners),
-        ...     np.zeros((4, 2, 2)),
+        ...     *np.zeros((2, 4, 2, 2)),
         ...     2500.0,
         ... )
         >>> map_to_image(view, lens, np.array([[5.0, 0.0]]), 10.0, 10.0).round(
@@ -95,7 +95,7 @@ def map_to_pad(
         ...     (True, True),
         ...     corners,
         ...     lens.rays(corners),
-        ...     np.zeros((4, 2, 2)),
+        ...     *np.zeros((2, 4, 2, 2)),
         ...     2500.0,
         ... )
         >>> (map_to_pad(view, lens, np.array([[55.0, 45.0]]), 10.0, 10.0).round(1) + 0.0).tolist()
@@ -153,7 +153,7 @@ def unwarp(
         ...     (True, True),
         ...     corners,
         ...     lens.rays(corners),
-        ...     np.zeros((4, 2, 2)),
+        ...     *np.zeros((2, 4, 2, 2)),
         ...     2500.0,
         ... )
         >>> image = np.full((90, 120), 80, np.uint8)
@@ -217,7 +217,7 @@ def select_view(
         ...     (True, True),
         ...     corners,
         ...     lens.rays(corners),
-        ...     np.zeros((4, 2, 2)),
+        ...     *np.zeros((2, 4, 2, 2)),
         ...     2500.0,
         ... )
         >>> select_view([view], lens, 10.0, 10.0).path, select_view([], lens, 10.0, 10.0)

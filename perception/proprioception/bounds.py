@@ -15,13 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from perception.proprioception.corners import (
-    CONSTANT,
-    LOOSE,
-    CornerModel,
-    deviations,
-    slopes_by_offset,
-)
+from perception.proprioception.corners import LOOSE, CornerModel, deviations, slopes_by_offset
 from perception.proprioception.observation import Observation
 
 
@@ -43,8 +37,6 @@ def compute_information_bound(
     frame: tuple[Observation, Float[np.ndarray, " joints"]],
     frames: tuple[Observation, Float[np.ndarray, "frames joints"]],
     label_deviation: float | None,
-    *,
-    constant: float = CONSTANT,
 ) -> Bound:
     """The bound for a frame of a finger that other frames have calibrated.
 
@@ -54,7 +46,6 @@ def compute_information_bound(
         frame: what is seen in it, and its true joint angles, rad.
         frames: the same of the calibration frames.
         label_deviation: standard deviation of their labels, rad; ``None`` without labels.
-        constant: that of what every corner is off by in all frames alike, px.
 
     Example:
         >>> from perception.proprioception import stack_observations
@@ -62,7 +53,8 @@ def compute_information_bound(
         >>> predict = lambda errors, angles: (square + errors[0]) * (1 + angles[0])
         >>> model = CornerModel(predict, (("tip", "direct"),), (0,), 1, ("dip",), (-0.2, 1.2))
         >>> corners = np.asarray(predict(jnp.zeros(1), jnp.array([0.4])))
-        >>> seen = Observation(corners, np.tile(np.eye(2) / 0.3, (1, 4, 1, 1)))
+        >>> certain = np.tile(np.eye(2), (1, 4, 1, 1))
+        >>> seen = Observation(corners, certain / 0.3, 0.3 * certain)
         >>> frames = stack_observations([seen]), np.array([[0.4]])
         >>> bound = compute_information_bound(
         ...     model, np.zeros(1), (seen, np.array([0.4])), frames, 1e-3
@@ -71,7 +63,7 @@ def compute_information_bound(
         True
     """
     spread = LOOSE if label_deviation is None else label_deviation
-    given = errors, frame, frames, spread, np.float64(constant)
+    given = errors, frame, frames, spread
     bounds = _bound(model, *jax.tree.map(jnp.asarray, given))
     return Bound(*(np.sqrt(np.diagonal(np.asarray(bound))) for bound in bounds))
 
@@ -83,15 +75,15 @@ def _bound(
     frame: tuple[Observation, Float[Array, " joints"]],
     frames: tuple[Observation, Float[Array, "frames joints"]],
     spread: Float[Array, ""],
-    constant: Float[Array, ""],
 ) -> tuple[Array, Array]:
     def information(
         seen: Observation, pose: Array, spread: Array | float
     ) -> tuple[Array, Array, Array]:
         """Of a frame on its own angles, on both, and on errors and offsets."""
-        slopes = jax.jacfwd(lambda e, p: deviations(model, e, p, seen), (0, 1))
+        offsets = jnp.zeros(seen.corners.shape)
+        slopes = jax.jacfwd(lambda e, p: deviations(model, e, offsets, p, seen), (0, 1))
         by_error, by_angle = slopes(errors, pose)
-        by_error = jnp.concatenate([by_error, constant * slopes_by_offset(seen)], axis=1)
+        by_error = jnp.concatenate([by_error, slopes_by_offset(seen)], axis=1)
         own = by_angle.T @ by_angle + jnp.eye(len(pose)) / spread**2
         return own, by_angle.T @ by_error, by_error.T @ by_error
 

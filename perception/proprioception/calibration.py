@@ -8,6 +8,8 @@ A labelled frame has its label as a prior of its angles; an unlabelled one has n
 
 from __future__ import annotations
 
+from functools import partial
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -17,7 +19,6 @@ from jaxtyping import Array, Bool, Float
 from designopt.fitting import Fit, least_squares
 from designopt.solution import Solution
 from perception.proprioception.corners import (
-    CONSTANT,
     LOOSE,
     CornerModel,
     FingerErrors,
@@ -70,8 +71,6 @@ def calibrate(
     seen: Observation,
     angles: Float[np.ndarray, "frames joints"],
     deviation: float | None = None,
-    *,
-    constant: float = CONSTANT,
 ) -> Solution[Calibration]:
     """The errors of a finger from several frames.
 
@@ -84,7 +83,6 @@ def calibrate(
         seen: the corners, frames along the first axis.
         angles: the frames' labels, or rough angles to begin with, rad.
         deviation: standard deviation of the labels, rad; ``None`` if the angles are no labels.
-        constant: that of what every corner is off by in all frames alike, px.
 
     Returns:
         ``margin`` is 1 − scatter / 1.5, and −1 where no minimum was found.
@@ -97,14 +95,13 @@ def calibrate(
         >>> square = 100.0 * jnp.array([[[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]]])
         >>> predict = lambda errors, angles: (square + errors[0]) * (1 + angles[0])
         >>> model = CornerModel(predict, (("tip", "direct"),), (0,), 1, ("dip",), (-0.2, 1.2))
-        >>> whitening, labels = (
-        ...     np.tile(np.eye(2) / 0.3, (1, 4, 1, 1)),
-        ...     np.array([[0.1], [0.5], [0.9]]),
-        ... )
+        >>> certain, labels = np.tile(np.eye(2), (1, 4, 1, 1)), np.array([[0.1], [0.5], [0.9]])
         >>> corners = [
         ...     np.asarray(predict(jnp.array([2.0]), jnp.asarray(angles))) for angles in labels
         ... ]
-        >>> seen = stack_observations([Observation(frame, whitening) for frame in corners])
+        >>> seen = stack_observations(
+        ...     [Observation(frame, certain / 0.3, 0.3 * certain) for frame in corners]
+        ... )
         >>> found = calibrate(model, seen, labels, 1e-3)
         >>> bool(found.ok), round(float(found.value.errors.mean[0]), 1)
         (True, 2.0)
@@ -114,7 +111,7 @@ def calibrate(
     labelled = np.isfinite(angles) & (deviation is not None)
     spread = np.where(labelled, LOOSE if deviation is None else deviation, LOOSE)
     start = np.where(np.isfinite(angles), angles, np.mean(model.limits))
-    arrays = jax.tree.map(jnp.asarray, (seen, start, spread, labelled, np.float64(constant)))
+    arrays = jax.tree.map(jnp.asarray, (seen, start, spread, labelled))
     return _calibrated(model, *arrays)
 
 
@@ -125,19 +122,14 @@ def _calibrated(
     start: Float[Array, "frames joints"],
     spread: Float[Array, "frames joints"],
     labelled: Bool[Array, "frames joints"],
-    constant: Float[Array, ""],
 ) -> Solution[Calibration]:
     # Errors and offsets, all of deviation 1, and then the angles.
     drawn = model.errors + seen.corners[0].size
 
     def corner_part(values: Float[Array, " values"]) -> Float[Array, " data"]:
         errors, angles = values[: model.errors], values[drawn:].reshape(start.shape)
-        offsets = constant * values[model.errors : drawn].reshape(seen.corners[0].shape)
-
-        def frame(pose: Array, one: Observation) -> Array:
-            own = Observation(one.corners - offsets, one.whitening)
-            return deviations(model, errors, pose, own)
-
+        offsets = values[model.errors : drawn].reshape(seen.corners[0].shape)
+        frame = partial(deviations, model, errors, offsets)
         return jax.vmap(frame)(angles, seen).reshape(-1)
 
     def prior_part(values: Float[Array, " values"]) -> Float[Array, " values"]:
@@ -161,11 +153,10 @@ def _calibrated(
     used = jnp.concatenate([seen.used.reshape(-1), jnp.ones(drawn, bool), labelled.reshape(-1)])
     misfit = find_misfit(jnp.where(found, left, 0.0), jnp.where(found, jacobian, 0.0), used)
     scale = jnp.maximum(misfit.rms, 1.0)
-    unit = jnp.concatenate([jnp.ones(model.errors), jnp.full(seen.corners[0].size, constant)])
     errors = FingerErrors(
         values[: model.errors],
-        constant * values[model.errors : drawn].reshape(seen.corners[0].shape),
-        scale**2 * jnp.outer(unit, unit) * fit.covariance[:drawn, :drawn],
+        values[model.errors : drawn].reshape(seen.corners[0].shape),
+        scale**2 * fit.covariance[:drawn, :drawn],
         scale,
     )
     code = CalibrationResult

@@ -38,10 +38,6 @@ whose last step is not below `STILL` is no solution (both in standard deviations
 USUAL = 0.05
 """Part of the right frames whose χ² is beyond what is usual: it makes their deviations larger."""
 
-CONSTANT = 0.3
-"""Standard deviation of what a corner is off by in every frame alike, px of any image,
-beside its own covariance: a pad's edge is always rough in the same places."""
-
 
 class CornerModel(eqx.Module):
     """What predicts the corners.
@@ -69,7 +65,8 @@ class FingerErrors(eqx.Module):
 
     Attributes:
         mean: errors in units of their standard deviations as fabricated.
-        offsets: what every corner is off by in all frames alike, px.
+        offsets: what every corner is off by in all frames alike, in units of the deviations of that
+            in each (`Observation.common`).
         covariance: of errors and offsets together.
         scale: of the corners' stated standard deviations, at least 1: how much more the frames of
             a calibration scatter than these explain.
@@ -86,8 +83,6 @@ class FingerErrors(eqx.Module):
         model: CornerModel,
         mean: Float[np.ndarray, " errors"] | None = None,
         covariance: Float[np.ndarray, "errors errors"] | None = None,
-        *,
-        constant: float = CONSTANT,
     ) -> FingerErrors:
         """Errors as they are stated; by default those of fabrication.
 
@@ -95,12 +90,11 @@ class FingerErrors(eqx.Module):
             model: of the finger.
             mean: of the errors; 0 by default.
             covariance: of the errors; the identity by default, and 0 if they are known exactly.
-            constant: standard deviation of what a corner is off by in all frames alike, px.
         """
         mean = np.zeros(model.errors) if mean is None else mean
         own = np.eye(model.errors) if covariance is None else covariance
         offsets = np.zeros((len(model.views), 4, 2))
-        both = scipy.linalg.block_diag(own, constant**2 * np.eye(offsets.size))
+        both = scipy.linalg.block_diag(own, np.eye(offsets.size))
         return cls(
             mean=jnp.asarray(mean),
             offsets=jnp.asarray(offsets),
@@ -148,17 +142,20 @@ class JointAngleResult(eqx.Enumeration):
 def deviations(
     model: CornerModel,
     errors: Float[Array, " errors"],
+    offsets: Float[Array, "views 4 2"],
     angles: Float[Array, " joints"],
     seen: Observation,
 ) -> Float[Array, " data"]:
     """What is left of every corner's column and row, in standard deviations."""
     off = model.predict(errors, angles) - jnp.asarray(seen.corners)
+    off += jnp.einsum("vcij,vcj->vci", jnp.asarray(seen.common), offsets)
     return jnp.einsum("vcij,vcj->vci", jnp.asarray(seen.whitening), off).reshape(-1)
 
 
 def slopes_by_offset(seen: Observation) -> Float[Array, "data data"]:
-    """The derivative of `deviations` by what every corner is off by."""
-    return jax.scipy.linalg.block_diag(*jnp.asarray(seen.whitening).reshape(-1, 2, 2))
+    """The derivative of `deviations` by the offsets."""
+    slopes = jnp.asarray(seen.whitening) @ jnp.asarray(seen.common)
+    return jax.scipy.linalg.block_diag(*slopes.reshape(-1, 2, 2))
 
 
 def softened(left: Float[Array, "*data"]) -> Float[Array, "*data"]:
@@ -209,7 +206,8 @@ def find_pose(
         >>> predict = lambda errors, angles: (square + errors[0]) * (1 + angles[0])
         >>> model = CornerModel(predict, (("tip", "direct"),), (0,), 1, ("dip",), (-0.2, 1.2))
         >>> corners = np.asarray(predict(jnp.zeros(1), jnp.array([0.4])))
-        >>> seen = Observation(corners, np.tile(np.eye(2) / 0.3, (1, 4, 1, 1)))
+        >>> certain = np.tile(np.eye(2), (1, 4, 1, 1))
+        >>> seen = Observation(corners, certain / 0.3, 0.3 * certain)
         >>> found = find_pose(model, seen, np.zeros(1))
         >>> bool(found.ok[0]), round(float(found.value.angles[0]), 4)
         (True, 0.4)
@@ -229,10 +227,8 @@ def _solve(
     limits: Float[Array, " counts"],
     usual: Float[Array, " counts"],
 ) -> Solution[JointAngles]:
-    moved_back = Observation(seen.corners - errors.offsets, seen.whitening)
-
     def left_at(own: Float[Array, " errors"], pose: Float[Array, " joints"]) -> Array:
-        return deviations(model, own, pose, moved_back)
+        return deviations(model, own, errors.offsets, pose, seen)
 
     def residuals(angles: Float[Array, " joints"], _: None) -> Float[Array, " data"]:
         return jnp.concatenate([softened(left_at(errors.mean, angles)), (angles - guess) / LOOSE])

@@ -61,7 +61,8 @@ def split_estimates(solution: Solution[JointAngles]) -> list[Estimate]:
         >>> predict = lambda errors, angles: (square + errors[0]) * (1 + angles[0])
         >>> model = CornerModel(predict, (("tip", "direct"),), (0,), 1, ("dip",), (-0.2, 1.2))
         >>> corners = np.asarray(predict(jnp.zeros(1), jnp.array([0.4])))
-        >>> seen = Observation(corners, np.tile(np.eye(2) / 0.3, (1, 4, 1, 1)))
+        >>> certain = np.tile(np.eye(2), (1, 4, 1, 1))
+        >>> seen = Observation(corners, certain / 0.3, 0.3 * certain)
         >>> [round(one.angle, 4) for one in split_estimates(find_pose(model, seen, np.zeros(1)))]
         [0.4]
     """

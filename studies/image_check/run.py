@@ -29,6 +29,7 @@ from perception.proprioception import (
     observe,
     stack_observations,
 )
+from perception.proprioception.observation import CONSTANT, FLOOR
 from perception.quality import Quality
 from studies.image_check import ImageCheckSpec
 from studies.image_check.cases import (
@@ -56,11 +57,6 @@ SURE = 5.0
 
 FAR_PX = 3.0
 """A corner that is off by less is not wrong, however sure it is."""
-
-FLOOR_PX, CONSTANT_PX = 0.05, 0.12
-"""Standard deviation of a corner beyond its own covariance, and of what it is off by in all frames
-alike: less than by default, which is for pads with rough edges, as these are straight. Of ten
-fingers of seed 0 the latter is most likely, and with both joint angles vary as predicted."""
 
 FLAT = 1e-5
 """mm: a membrane that is lifted by less is flat."""
@@ -212,8 +208,7 @@ class Findings:
                 bare &= "polished" not in finger.layers
                 assert view is not None
                 off = view.corners - np.where(bare[:, None], judged, outline)
-                beyond = FLOOR_PX**2 + CONSTANT_PX**2
-                spread = np.linalg.inv(view.covariance + beyond * np.eye(2))
+                spread = np.linalg.inv(view.covariance + (FLOOR**2 + CONSTANT**2) * np.eye(2))
                 stated = {(end, side): view.ends[end] for end, side in CORNERS}
                 self.corners.add(
                     **of_view,
@@ -233,9 +228,9 @@ class Findings:
         unit: Float[np.ndarray, " errors"] | None,
     ) -> None:
         model, count = sensor.model, len(labels)
-        seen = [observe(one, model.views, FLOOR_PX) for one in sightings]
+        seen = [observe(one, model.views) for one in sightings]
         labelled = stack_observations(seen[:count])
-        calibration = calibrate(model, labelled, labels, self._label, constant=CONSTANT_PX)
+        calibration = calibrate(model, labelled, labels, self._label)
         for number in range(count, len(seen)):
             pair = seen[number], sightings[number].angles
             found = find_pose(model, *pair, calibration.value.errors)
@@ -252,7 +247,7 @@ class Findings:
             if unit is not None:
                 frame, frames = (seen[number], angles[number]), (labelled, angles[:count])
                 bound = compute_information_bound(
-                    model, unit, frame, frames, self._label, constant=CONSTANT_PX
+                    model, unit, frame, frames, self._label
                 ).calibrated
             self.angles.add(
                 **where,

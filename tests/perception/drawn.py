@@ -185,7 +185,7 @@ def colored(gray: np.ndarray) -> np.ndarray:
 def quad_at(eye: Eye, corners: np.ndarray, *, deviation: float = 0.0) -> Quad:
     """A complete one with these corners, the lower end first."""
     covariance = np.tile(deviation**2 * np.eye(2), (4, 1, 1))
-    numbers = covariance, 1.0, 100.0, 0.1, Quality.COMPLETE
+    numbers = covariance, np.zeros_like(covariance), 1.0, 100.0, 0.1, Quality.COMPLETE
     return Quad(rays_of(eye.directions(corners)), corners, *numbers)
 
 
@@ -200,4 +200,5 @@ def exact_view(
     """A view with the true corners of a pad."""
     quad = exact_quad(eye, pad)
     granted = quad.quality, (True, True)
-    return View(name, path, 0, *granted, quad.corners, quad.rays, quad.covariance, area)
+    covariances = quad.covariance, quad.roughness
+    return View(name, path, 0, *granted, quad.corners, quad.rays, *covariances, area)

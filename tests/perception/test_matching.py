@@ -72,7 +72,8 @@ def catalog() -> ViewCatalog:
     for index, (view, joint) in enumerate(zip(VIEWS, MOVED_BY, strict=True)):
         values = slice(None) if joint is not None else slice(1)
         own = there[values, index]
-        seen = own, own, own.astype(float), np.stack([own, own], axis=-1)
+        share = own.astype(float)
+        seen = own, own, share, share, np.stack([own, own], axis=-1)
         # Errors of fabrication move corners by 3 px.
         spread = np.full((len(own), 2), 3.0)
         where = ANGLES[values], corners[values, index]
@@ -184,7 +185,7 @@ def test_where_a_part_may_be_hidden_a_view_must_be_as_long_as_its_pad(share, sho
     corners = corners_in(BOTH)[0]
     cut = corners.copy()
     cut[[1, 2]] += (1 - short) * (corners[[0, 3]] - corners[[1, 2]])
-    known = changed(0, complete=np.full(len(ANGLES), float(share)))
+    known = changed(0, unhidden=np.full(len(ANGLES), float(share)))
     view = found_in(match_views([quad_of(cut, deviation=0.1)], known, LENS), *VIEWS[0])
     assert view.quality is Quality[quality]
 

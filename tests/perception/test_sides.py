@@ -153,9 +153,29 @@ def test_the_variance_of_a_line_is_the_scatter_of_repeats(alike, within):
     lines = lines_of(rough[:, 2:-2])
     for share in (0.0, 0.5, 1.0):
         scatter = np.var([line.at(share) for line in lines])
-        expected = np.mean([line.variance(share) for line in lines])
+        expected = np.mean([line.variances(share)[0] for line in lines])
         # 400 draws know a variance to 7 % (1 σ); weights make it a little larger than stated.
         assert expected / scatter == pytest.approx(1, abs=within)
+
+
+@pytest.mark.parametrize(("rough", "noise"), [(0.3, 0.1), (0.3, 0.3), (0.0, 0.3)])
+def test_roughness_is_what_all_frames_of_a_side_have_alike(rough, noise):
+    """The rest of a line's variance is what scatters from frame to frame, or more."""
+    generator = np.random.default_rng(2)
+    white = np.sqrt(5) * rough * generator.standard_normal((400, POINTS + 4))
+    shapes = scipy.ndimage.uniform_filter1d(white, 5, axis=1)[:, 2:-2]
+    frames = [lines_of(shapes + noise * generator.standard_normal(shapes.shape)) for _ in range(2)]
+    for share in (0.0, 0.5, 1.0):
+        first, second = ([line.at(share) for line in lines] for lines in frames)
+        stated = np.mean([line.variances(share) for lines in frames for line in lines], axis=0)
+        by_frame = (stated[0] - stated[1]) / (np.var(np.subtract(first, second)) / 2)
+        # What a rough edge has that neighbours do not share counts as noise: a fifth of it here.
+        assert 0.75 < by_frame < (1.4 if noise >= rough else 3)
+        if rough:
+            # Noise hides how far roughness reaches, so that of equal parts only half is found.
+            assert 0.4 < stated[1] / np.cov(first, second)[0, 1] < 1.3
+        else:
+            assert stated[1] < stated[0] / 3
 
 
 def test_outliers_on_a_third_of_a_side_and_places_without_an_edge_do_not_move_its_line():
@@ -182,11 +202,11 @@ def test_the_line_does_not_depend_on_where_the_side_was_expected(shift, turn):
 def test_doubt_is_added_to_the_variance_and_a_side_hardly_found_may_be_anywhere():
     offsets = np.random.default_rng(4).normal(0, 0.1, POINTS)
     sure, doubted = line_of(offsets), line_of(offsets, doubt=3.0)
-    added = (doubted.variance(0.3) - sure.variance(0.3)) * SCALE**2
+    added = (doubted.variances(0.3)[0] - sure.variances(0.3)[0]) * SCALE**2
     assert added == pytest.approx(3.0**2)
     line = line_of(np.zeros(POINTS), np.arange(POINTS) < POINTS // 4 - 1)
     assert (line.offset, line.turn, line.scatter) == (0, 0, np.inf)
-    assert np.sqrt(line.variance(0.5)) * SCALE > 100
+    assert np.sqrt(line.variances(0.5)[0]) * SCALE > 100
 
 
 @pytest.mark.parametrize("blur", [0.8, 2.0])
@@ -222,7 +242,7 @@ def test_beside_a_lamp_an_edge_is_where_the_pad_ends_or_is_doubted(gap, within):
     edges = find_edges(codes.astype(np.float32), LENS, plane, sides, lamps)
     line = fit_lines(edges)[2]
     off = line.at(0.5) * edges.scale[2].mean()
-    deviation = np.sqrt(line.variance(0.5)) * edges.scale[2].mean()
+    deviation = np.sqrt(line.variances(0.5)[0]) * edges.scale[2].mean()
     assert abs(off) < within
     assert abs(off) < 3 * np.hypot(deviation, 0.1)
     assert edges.doubt[[0, 1, 3]].tolist() == [0, 0, 0]
@@ -248,7 +268,7 @@ def test_a_line_whose_end_is_bent_is_unsure_there(bulge):
     offsets = np.random.default_rng(5).normal(0, 0.1, POINTS)
     offsets[-POINTS // 5 :] += bulge
     line = line_of(offsets)
-    start, end = (np.sqrt(line.variance(share)) * SCALE for share in (0.0, 1.0))
+    start, end = (np.sqrt(line.variances(share)[0]) * SCALE for share in (0.0, 1.0))
     assert start < 0.15
     if bulge:
         assert end == pytest.approx(bulge, rel=0.3)

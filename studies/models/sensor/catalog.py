@@ -22,7 +22,7 @@ from optics import (
     scale_errors,
 )
 from optics.scene.camera import Equidistant
-from optics.visibility.boundary_codes import is_own_end
+from optics.visibility.boundary_codes import LEFT_LIMIT, RIGHT_LIMIT, is_own_end
 from optics.visibility.unfolding import paths_of
 from optics.visibility.views import Pieces, name_paths
 from perception.lengths import apparent_length
@@ -43,13 +43,16 @@ class PosedViews(NamedTuple):
     Attributes:
         corners: where they are imaged.
         seen: whether anything is seen.
-        ends: whether the view ends where the pad does, or its bezel or layers, at both its ends.
-        whole: whether that is one view from end to end.
+        ends: whether the view ends where the pad does, its bezel or layers, or the image, at both
+            its ends.
+        unhidden: whether that is one view from end to end.
+        whole: whether that is all of the pad.
     """
 
     corners: Float[np.ndarray, "*views 4 2"]
     seen: Bool[np.ndarray, "*views"]
     ends: Bool[np.ndarray, "*views 2"]
+    unhidden: Bool[np.ndarray, "*views"]
     whole: Bool[np.ndarray, "*views"]
 
 
@@ -91,8 +94,12 @@ def catalog_of(
         made.append(find_posed_views(one, camera, errors, width, poses))
     others = PosedViews(*map(np.array, zip(*made, strict=True)))
     together = PosedViews(*(np.concatenate([a[None], b]) for a, b in zip(own, others, strict=True)))
-    complete, possible = np.mean(together.whole, axis=0), np.any(together.seen, axis=0)
-    always = np.all(together.ends, axis=0)
+    complete, shown = np.mean(together.whole, axis=0), np.sum(together.seen, axis=0)
+    hidden = np.sum(together.seen & ~together.unhidden, axis=0)
+    # Where the view is about to vanish, a finger without it would hide a part a little before.
+    hidden = np.maximum(hidden, shown < len(together.seen))
+    possible, unhidden = shown > 0, 1 - hidden / np.maximum(shown, 1)
+    always = np.all(together.ends | ~together.seen[..., None], axis=0) & possible[..., None]
     spread = np.sqrt(np.mean(rms_of_ends(others.corners - own.corners) ** 2, axis=0))
 
     bends = _bends(scene, imaging, lens, width, poses, own.corners)
@@ -112,9 +119,9 @@ def catalog_of(
             continue
         joint, values = (moved[0], slice(None)) if moved else (None, slice(0, 1))
         at = (joint or 0, values, path, pad)
-        visible, anywhere, whole, ends = (
+        visible, anywhere, whole, clear, ends = (
             _of_joint(part[:, :, path, pad], joint)
-            for part in (own.seen, possible, complete, always)
+            for part in (own.seen, possible, complete, unhidden, always)
         )
         families.append(
             ViewFamily(
@@ -127,6 +134,7 @@ def catalog_of(
                 visible=visible,
                 possible=anywhere,
                 complete=whole,
+                unhidden=clear,
                 ends=ends,
                 spread=spread[at],
                 extent=_extent(together.corners[(slice(None), *at)], lens, width),
@@ -196,20 +204,24 @@ def find_posed_views(
     plain = eqx.tree_at(lambda scene: scene.camera.projection, scene, Equidistant())
     pieces: Pieces = jax.tree.map(np.asarray, _pieces_of(plain, jnp.asarray(poses)))
     first, second = is_own_end(pieces.start_label, 0), is_own_end(pieces.end_label, 1)
+    clear_first, clear_second = (
+        own | (label == LEFT_LIMIT) | (label == RIGHT_LIMIT)
+        for own, label in ((first, pieces.start_label), (second, pieces.end_label))
+    )
     by_end_face = np.zeros_like(pieces.present) if pieces.face is None else pieces.face > 0
     by_path = []
     for path in range(shape[2]):
         there = pieces.present & (pieces.path == path)
         # A view through a clear end adjoins the one through the top: together they have no corners.
         alone = there & ~np.any(there & by_end_face, axis=-1, keepdims=True)
-        by_path.append([there, alone & first, alone & second, alone & first & second])
-    seen, first, second, whole = (
+        clear = alone & clear_first, alone & clear_second
+        by_path.append([there, *clear, clear[0] & clear[1], alone & first & second])
+    seen, *ends, unhidden, whole = (
         np.stack([np.any(kind, axis=-1) for kind in kinds], axis=-2)
         for kinds in zip(*by_path, strict=True)
     )
-    return PosedViews(
-        corners.reshape(*shape, 4, 2), seen, np.stack([first, second], axis=-1), whole
-    )
+    own_corners = corners.reshape(*shape, 4, 2)
+    return PosedViews(own_corners, seen, np.stack(ends, axis=-1), unhidden, whole)
 
 
 def _views_of(scene: Scene) -> tuple[tuple[tuple[int, ...], int], ...]:

@@ -5,6 +5,7 @@ A straight toy has a closed posterior, and all unknowns of a bent one an informa
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from designopt.solution import Solution
 from perception.proprioception import (
@@ -33,6 +34,7 @@ from tests.perception.proprioception.toy import (
     frame,
     model_of,
     off_by,
+    pixels_of,
     straight,
     uneven,
     whitened,
@@ -72,8 +74,11 @@ LABELLINGS = {
 """Labels that are left out, the deviation of the others, and views that no frame shows."""
 
 
-def seen_straight(without: tuple[int, ...]) -> tuple[Observation, np.ndarray]:
-    """Corners of a straight finger, and their derivatives by errors and all frames' angles."""
+def seen_straight(without: tuple[int, ...], constant: float) -> tuple[Observation, np.ndarray]:
+    """Corners of a straight finger, and their derivatives by errors and all frames' angles.
+
+    What they are off by in all frames alike is larger from frame to frame, as if nearer.
+    """
     generator = np.random.default_rng(1)
     middle, by_error, by_angle = STRAIGHT
     corners = middle + by_error @ MADE + np.einsum("vcdj,fj->fvcd", by_angle, SPREAD_OUT)
@@ -84,7 +89,9 @@ def seen_straight(without: tuple[int, ...]) -> tuple[Observation, np.ndarray]:
     slopes[..., :ERRORS] = by_error
     for number, columns in enumerate(ERRORS + EVERY):
         slopes[number][..., columns] = by_angle
-    return Observation(corners, whitening), slopes
+    nearer = (1 + 0.2 * np.arange(FRAMES))[:, None, None, None, None]
+    alike = constant * nearer * np.broadcast_to([[0.8, 0.6], [0.6, 1.0]], whitening.shape)
+    return Observation(corners, whitening, alike), slopes
 
 
 @pytest.mark.parametrize(
@@ -94,8 +101,8 @@ def test_of_a_straight_finger_the_posterior_is_the_closed_one(labelling, constan
     hidden, deviation, without = LABELLINGS[labelling]
     noise = SMALL * LABELS * np.random.default_rng(2).standard_normal(SPREAD_OUT.shape)
     labels = np.where(hidden, np.nan, SPREAD_OUT + noise)
-    seen, slopes = seen_straight(without)
-    found = calibrate(model_of(straight(*STRAIGHT)), seen, labels, deviation, constant=constant)
+    seen, slopes = seen_straight(without, constant)
+    found = calibrate(model_of(straight(*STRAIGHT)), seen, labels, deviation)
 
     spread = np.full(labels.shape, LOOSE)
     if deviation is not None:
@@ -104,7 +111,7 @@ def test_of_a_straight_finger_the_posterior_is_the_closed_one(labelling, constan
     zero = np.zeros(STRAIGHT[0].size)
     mean = np.concatenate([np.zeros(ERRORS), np.where(hidden, MIDDLE, labels).ravel(), zero])
     # What a column or row is off by in every frame is one more unknown for each.
-    alike = np.broadcast_to(constant * np.eye(zero.size), (FRAMES, zero.size, zero.size))
+    alike = np.array([block_diag(*frame.reshape(-1, 2, 2)) for frame in np.asarray(seen.common)])
     there = np.any(np.asarray(seen.whitening) != 0, axis=-1) / NOISE
     slopes = np.concatenate([slopes, alike.reshape(*there.shape, zero.size)], axis=-1)
     weighted = (slopes * there[..., None]).reshape(-1, prior.size)
@@ -116,15 +123,12 @@ def test_of_a_straight_finger_the_posterior_is_the_closed_one(labelling, constan
     scale = np.sqrt(np.diag(covariance))
     # What softening is left moves an answer by less than a hundredth of its deviation.
     errors = found.value.errors
-    offsets = np.ravel(errors.offsets) / (constant or 1)
-    answer = np.concatenate([errors.mean, found.value.angles.ravel(), offsets])
+    answer = np.concatenate([errors.mean, found.value.angles.ravel(), np.ravel(errors.offsets)])
     np.testing.assert_allclose((answer - expected) / scale, 0, atol=0.01)
     # The straight frames scatter less than stated, so that nothing is scaled.
     assert float(errors.scale) == 1
     causes = np.r_[:ERRORS, ERRORS + EVERY.size : prior.size]
-    unit = np.where(causes < ERRORS, 1, constant)
-    own = np.outer(unit, unit) * covariance[np.ix_(causes, causes)]
-    units = np.outer(scale[causes], scale[causes])
+    own, units = covariance[np.ix_(causes, causes)], np.outer(scale[causes], scale[causes])
     np.testing.assert_allclose(errors.covariance / units, own / units, atol=0.005)
 
 
@@ -149,8 +153,8 @@ def watched(
 def calibrated(
     seen: Observation, labels: np.ndarray = SPREAD_OUT, deviation: float | None = None
 ) -> Solution[Calibration]:
-    """Where corners err in every frame anew."""
-    return calibrate(MODEL, seen, labels, deviation, constant=0.0)
+    """Of a bent finger."""
+    return calibrate(MODEL, seen, labels, deviation)
 
 
 @pytest.mark.parametrize("off", [0.0, 0.2])
@@ -224,7 +228,7 @@ def test_deviations_of_errors_and_angles_are_the_scatter_of_repeats():
     # 40 draws give a deviation to 11 %. Calibrated first and solved then, not at once, and soft,
     # an answer is a little worse than it could be.
     own, others = (frame(np.zeros(ERRORS), POSE), POSE), (watched(np.zeros(ERRORS)), SPREAD_OUT)
-    bound = compute_information_bound(MODEL, np.zeros(ERRORS), own, others, LABELS, constant=0.0)
+    bound = compute_information_bound(MODEL, np.zeros(ERRORS), own, others, LABELS)
     np.testing.assert_allclose(np.std(off, axis=0) / bound.calibrated, 1.05, atol=0.25)
 
 
@@ -264,7 +268,7 @@ def test_labels_without_a_deviation_are_refused(deviation):
 
 
 def brute_force(
-    one: Observation, frames: Observation, label_deviation: float | None, constant: float
+    one: Observation, frames: Observation, label_deviation: float | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Both bounds by all unknowns at once: errors, corners' offsets, angles of all frames."""
     poses = np.concatenate([POSE[None], SPREAD_OUT])
@@ -278,8 +282,7 @@ def brute_force(
 
         def left(values: np.ndarray, seen: Observation = seen) -> np.ndarray:
             errors, offsets, angles = np.split(values, [ERRORS, drawn])
-            offsets = constant * offsets.reshape(seen.corners.shape)
-            return whitened(corners_of(errors, angles) + offsets, seen)
+            return whitened(corners_of(errors, angles) + pixels_of(offsets, seen), seen)
 
         at = np.concatenate([MADE, np.zeros(drawn - ERRORS), pose])
         slopes = differences(left, at)
@@ -306,12 +309,12 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_the_bound_is_that_of_all_unknowns_at_once(case, label_deviation, constant):
     lost, others = CASES[case]
-    one, frames = uneven(frame(MADE, POSE, without=lost)), uneven(watched(MADE, without=others))
+    alike = constant * np.array([[1.0, 0.4], [0.4, 0.7]])
+    one = uneven(frame(MADE, POSE, without=lost, alike=2 * alike))
+    frames = uneven(watched(MADE, without=others, alike=alike))
     own, labelled = (one, POSE), (frames, SPREAD_OUT)
-    bound = compute_information_bound(
-        MODEL, MADE, own, labelled, label_deviation, constant=constant
-    )
-    known, calibrated = brute_force(one, frames, label_deviation, constant)
+    bound = compute_information_bound(MODEL, MADE, own, labelled, label_deviation)
+    known, calibrated = brute_force(one, frames, label_deviation)
     # Differences are good to 1e-9; an inverse whose parts cancel is less good.
     np.testing.assert_allclose(bound.finger_known, known, rtol=1e-6)
     np.testing.assert_allclose(bound.calibrated, calibrated, rtol=1e-5)
@@ -321,6 +324,6 @@ def test_the_bound_is_that_of_all_unknowns_at_once(case, label_deviation, consta
 def test_with_the_finger_known_exact_corners_reach_it():
     one = frame(MADE, POSE)
     bound = compute_information_bound(MODEL, MADE, (one, POSE), (watched(MADE), SPREAD_OUT), LABELS)
-    known = FingerErrors.of(MODEL, MADE, np.zeros((ERRORS, ERRORS)), constant=0.0)
+    known = FingerErrors.of(MODEL, MADE, np.zeros((ERRORS, ERRORS)))
     found = find_pose(MODEL, one, POSE, known)
     np.testing.assert_allclose(found.value.deviations, bound.finger_known, rtol=1e-6)

@@ -35,6 +35,7 @@ from tests.perception.proprioception.toy import (
     hinged,
     model_of,
     off_by,
+    pixels_of,
     uneven,
     whitened,
 )
@@ -50,13 +51,10 @@ def solved(
     guess: np.ndarray,
     errors: np.ndarray = NONE,
     spread: np.ndarray | None = None,
-    *,
-    constant: float = 0.0,
 ) -> Solution[JointAngles]:
     """The joint angles of a finger whose errors are known but for a spread."""
     covariance = np.zeros((ERRORS, ERRORS)) if spread is None else spread
-    known = FingerErrors.of(MODEL, errors, covariance, constant=constant)
-    return find_pose(MODEL, seen, guess, known)
+    return find_pose(MODEL, seen, guess, FingerErrors.of(MODEL, errors, covariance))
 
 
 def angles_of(found: Solution[JointAngles]) -> np.ndarray:
@@ -117,7 +115,7 @@ def test_the_errors_of_the_finger_are_taken_into_account():
 def test_another_finger_of_the_same_kind_is_another_model():
     # A longer lens images all in proportion from the middle.
     seen = frame(NONE, POSE)
-    larger = Observation(MIDDLE + 1.4 * (seen.corners - MIDDLE), seen.whitening)
+    larger = seen._replace(corners=MIDDLE + 1.4 * (seen.corners - MIDDLE))
     other = find_pose(model_of(hinged(1.4 * FOCAL)), larger, np.zeros(2))
     np.testing.assert_allclose(angles_of(other), POSE, atol=EXACT)
     assert np.abs(angles_of(solved(larger, np.zeros(2))) - POSE).max() > 0.1
@@ -224,6 +222,10 @@ def test_corners_far_off_slow_the_search_down_and_do_not_end_it():
         assert found.value.misfit.chi_squared > (off / NOISE) ** 2 / 2
 
 
+ALIKE = np.array([[0.4, 0.1], [0.1, 0.2]])
+"""What makes of independent offsets those of corners in all frames alike, px."""
+
+
 def linearised(
     seen: Observation, errors: np.ndarray, angles: np.ndarray, of: Callable = np.asarray
 ) -> tuple[np.ndarray, ...]:
@@ -231,22 +233,21 @@ def linearised(
 
     def left(values: np.ndarray) -> np.ndarray:
         own, pose, offsets = np.split(values, [ERRORS, ERRORS + 2])
-        return of(whitened(corners_of(own, pose) + offsets.reshape(seen.corners.shape), seen))
+        return of(whitened(corners_of(own, pose) + pixels_of(offsets, seen), seen))
 
     at = np.concatenate([errors, angles, np.zeros(seen.corners.size)])
     return left(at), *np.split(differences(left, at), [ERRORS, ERRORS + 2], axis=1)
 
 
 def test_the_covariance_is_the_inverse_of_the_information():
-    seen, spread = correlated(13), 0.2 * np.eye(ERRORS) + 0.1
-    constant = 0.2
-    found = solved(seen, POSE, MADE, spread, constant=constant)
+    seen, spread = correlated(13, alike=ALIKE), 0.2 * np.eye(ERRORS) + 0.1
+    found = solved(seen, POSE, MADE, spread)
 
     def soft(left: np.ndarray) -> np.ndarray:
         return left * np.sqrt(2 / (1 + np.hypot(1, left / ROBUST)))
 
     left, by_error, by_angle, by_offset = linearised(seen, MADE, angles_of(found))
-    total = by_error @ spread @ by_error.T + constant**2 * by_offset @ by_offset.T
+    total = by_error @ spread @ by_error.T + by_offset @ by_offset.T
     root = np.linalg.cholesky(np.eye(left.size) + total)
     left, slopes = np.linalg.solve(root, left), np.linalg.solve(root, by_angle)
     slopes *= (soft(left + 1e-6) - soft(left - 1e-6))[:, None] / 2e-6
@@ -262,15 +263,15 @@ def test_the_covariance_is_the_inverse_of_the_information():
     np.testing.assert_allclose(deviations_of(found), np.sqrt(np.diag(expected)), rtol=1e-4)
 
 
-@pytest.mark.parametrize("alike", [0.0, 0.05])
-def test_the_misfit_is_that_of_generalised_least_squares(alike):
+@pytest.mark.parametrize("both_ways", [0.0, 0.05])
+def test_the_misfit_is_that_of_generalised_least_squares(both_ways):
     """χ² with the inverse of the whole covariance, less what a step of the angles takes away.
 
     A calibration leaves the finger's errors correlated with what corners are off by.
     """
-    seen, spread, constant = correlated(14, without=(3,)), 0.2 * np.eye(ERRORS) + 0.1, 0.2
-    known = FingerErrors.of(MODEL, NONE, spread, constant=constant)
-    both = np.asarray(known.covariance) + alike
+    seen, spread = correlated(14, without=(3,), alike=ALIKE), 0.2 * np.eye(ERRORS) + 0.1
+    known = FingerErrors.of(MODEL, NONE, spread)
+    both = np.asarray(known.covariance) + both_ways
     found = find_pose(MODEL, seen, POSE, eqx.tree_at(lambda k: k.covariance, known, both))
     kept = np.repeat(np.any(np.asarray(seen.whitening) != 0, axis=(-1, -2)), 2)
     left, by_error, by_angle, by_offset = linearised(seen, NONE, angles_of(found))
@@ -305,7 +306,7 @@ def test_an_error_of_one_joint_alone_is_found_in_its_own_views():
 
 def test_frames_of_the_right_finger_are_refused_as_often_as_the_level_is():
     generator, refused, spread = np.random.default_rng(15), 0, 0.3
-    known = FingerErrors.of(MODEL, NONE, spread**2 * np.eye(ERRORS), constant=0.0)
+    known = FingerErrors.of(MODEL, NONE, spread**2 * np.eye(ERRORS))
     tails = []
     for _ in range(400):
         errors = spread * generator.standard_normal(ERRORS)
@@ -321,7 +322,7 @@ def test_frames_of_the_right_finger_are_refused_as_often_as_the_level_is():
 def test_angles_scatter_as_little_as_the_information_of_all_corners_allows():
     """Of corners that the finger's errors may move, too; those that they move most count least."""
     generator, spread, poses = np.random.default_rng(20), 1.0, []
-    known = FingerErrors.of(MODEL, NONE, spread**2 * np.eye(ERRORS), constant=0.0)
+    known = FingerErrors.of(MODEL, NONE, spread**2 * np.eye(ERRORS))
     for _ in range(400):
         seen = frame(spread * generator.standard_normal(ERRORS), POSE, generator=generator)
         poses.append(find_pose(MODEL, seen, POSE, known).value)
@@ -345,8 +346,9 @@ def test_a_calibration_that_scattered_makes_larger_deviations_and_smaller_misfit
 
 
 def test_offsets_of_a_calibrated_finger_are_taken_from_its_corners():
-    offsets = np.random.default_rng(18).normal(0, 2, (len(MODEL.views), 4, 2))
-    off = off_by(frame(NONE, POSE), ..., offsets)
+    offsets = np.random.default_rng(18).normal(0, 5, (len(MODEL.views), 4, 2))
+    seen = frame(NONE, POSE, alike=ALIKE)
+    off = off_by(seen, ..., pixels_of(offsets, seen))
     plain = FingerErrors.of(MODEL, NONE)
     known = FingerErrors(plain.mean, jnp.asarray(offsets), plain.covariance, plain.scale)
     np.testing.assert_allclose(angles_of(find_pose(MODEL, off, POSE, known)), POSE, atol=EXACT)
@@ -376,7 +378,7 @@ PICTURES = {
 def test_corners_of_another_picture_contradict_the_model(wrong):
     seen = frame(NONE, POSE, generator=np.random.default_rng(17))
     corners = MIDDLE + PICTURES[wrong](seen.corners - MIDDLE)
-    found = find_pose(MODEL, Observation(corners, seen.whitening), POSE)
+    found = find_pose(MODEL, seen._replace(corners=corners), POSE)
     assert set(codes_of(found)) <= {"contradicted", "unsolved"}
 
 

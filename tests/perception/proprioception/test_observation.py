@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from perception.matching import View
 from perception.proprioception import Observation, observe, stack_observations
-from perception.proprioception.observation import FLOOR, WORST
+from perception.proprioception.observation import CONSTANT, FLOOR, WORST
 from perception.quality import Quality
 from tests.perception.proprioception.toy import VIEWS, missing, sighting_of, view_of
 
@@ -23,21 +23,36 @@ def covariance_of(first: float, second: float, share: float) -> np.ndarray:
     return np.array([[first**2, both], [both, second**2]])
 
 
-def view_with(covariances: list[np.ndarray], pad: str = "low", path: str = "direct") -> View:
-    return dataclasses.replace(view_of(pad, path, (-0.5, -0.1)), covariance=np.stack(covariances))
+def view_with(
+    covariances: list[np.ndarray],
+    pad: str = "low",
+    path: str = "direct",
+    *,
+    rough: float | list[float] = 0.0,
+) -> View:
+    """A view with some covariances of corners, of which parts are roughness."""
+    covariance = np.stack(covariances)
+    roughness = np.reshape(np.broadcast_to(rough, 4), (4, 1, 1)) * covariance
+    view = view_of(pad, path, (-0.5, -0.1))
+    return dataclasses.replace(view, covariance=covariance, roughness=roughness)
 
 
 @given(
     st.lists(st.tuples(deviation, deviation, correlation), min_size=4, max_size=4),
-    st.sampled_from([FLOOR, 2.0]),
+    st.lists(st.floats(0, 0.99), min_size=4, max_size=4),
 )
-def test_weights_are_the_inverse_of_the_covariance_and_the_floor(corners, floor):
+def test_covariances_are_split_by_frame_and_alike_and_both_are_enlarged(corners, rough):
     covariances = [covariance_of(*corner) for corner in corners]
-    seen = observe(sighting_of(view_with(covariances)), VIEWS, floor)
-    for whitening, covariance in zip(np.asarray(seen.whitening)[0], covariances, strict=True):
-        product = whitening.T @ whitening @ (covariance + floor**2 * np.eye(2))
-        # With the floor the condition number is below 4e5.
-        np.testing.assert_allclose(product, np.eye(2), atol=1e-9)
+    seen = observe(sighting_of(view_with(covariances, rough=rough)), VIEWS)
+    parts = zip(np.asarray(seen.whitening)[0], np.asarray(seen.common)[0], strict=True)
+    for (whitening, common), covariance, share in zip(parts, covariances, rough, strict=True):
+        own, alike = (1 - share) * covariance, share * covariance + CONSTANT**2 * np.eye(2)
+        # With the floor the condition number is below 1e7.
+        product = whitening.T @ whitening @ (own + FLOOR**2 * np.eye(2))
+        np.testing.assert_allclose(product, np.eye(2), atol=1e-8)
+        np.testing.assert_allclose(common @ common, alike, rtol=1e-9, atol=1e-12 * alike.max())
+        np.testing.assert_allclose(common, common.T, rtol=1e-12)
+        assert np.linalg.eigvalsh(common).min() > 0
 
 
 @pytest.mark.parametrize("ends", list(itertools.product([True, False], repeat=2)))
@@ -86,3 +101,4 @@ def test_frames_are_stacked_along_a_first_axis():
     for number, one in enumerate(several):
         np.testing.assert_array_equal(np.asarray(stacked.corners)[number], one.corners)
         np.testing.assert_array_equal(np.asarray(stacked.whitening)[number], one.whitening)
+        np.testing.assert_array_equal(np.asarray(stacked.common)[number], one.common)

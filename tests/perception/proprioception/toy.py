@@ -112,14 +112,18 @@ def frame(
     generator: np.random.Generator | None = None,
     without: tuple[int, ...] = (),
     stated: float = NOISE,
+    alike: np.ndarray | float = 0.0,
 ) -> Observation:
-    """What is seen of a finger in a pose; with a generator its corners have `NOISE`."""
+    """What is seen of a finger in a pose; with a generator its corners have `NOISE`.
+
+    In all frames alike they may be off by as much as is stated by ``alike``.
+    """
     corners = corners_of(errors, angles)
     if generator is not None:
         corners = corners + generator.normal(0, NOISE, corners.shape)
     whitening = np.broadcast_to(np.eye(2) / stated, (*corners.shape, 2)).copy()
     whitening[list(without)] = 0
-    return Observation(corners, whitening)
+    return Observation(corners, whitening, alike * np.broadcast_to(np.eye(2), whitening.shape))
 
 
 def off_by(seen: Observation, place: Any, pixels: Any) -> Observation:
@@ -127,6 +131,12 @@ def off_by(seen: Observation, place: Any, pixels: Any) -> Observation:
     corners = np.array(seen.corners)
     corners[place] += pixels
     return seen._replace(corners=corners)
+
+
+def pixels_of(offsets: np.ndarray, seen: Observation) -> np.ndarray:
+    """What corners are off by in a frame, by what all frames have alike, px."""
+    both = zip(np.reshape(seen.common, (-1, 2, 2)), offsets.reshape(-1, 2), strict=True)
+    return np.reshape([common @ own for common, own in both], seen.corners.shape)
 
 
 def uneven(seen: Observation, scales: np.ndarray | float = 1.0) -> Observation:
@@ -164,12 +174,14 @@ def view_of(
     sections = np.array(angles)[[0, 1, 1, 0]] + aslant
     rays = np.stack([sections, np.array([-0.2, -0.2, 0.2, 0.2])], axis=-1)
     covariance = np.broadcast_to(0.01 * np.eye(2), (4, 2, 2)).copy()
-    return View(pad, path, 0, quality, shown, 100 * rays, rays, covariance, 1000.0)
+    roughness = covariance / 4
+    return View(pad, path, 0, quality, shown, 100 * rays, rays, covariance, roughness, 1000.0)
 
 
 def missing(pad: str, path: str) -> View:
     nothing, unknown = np.full((4, 2), np.nan), np.full((4, 2, 2), np.nan)
-    return View(pad, path, 0, Quality.MISSING, (False, False), nothing, nothing, unknown, 0.0)
+    found = Quality.MISSING, (False, False), nothing, nothing
+    return View(pad, path, 0, *found, unknown, unknown, 0.0)
 
 
 def sighting_of(*views: View) -> Sighting:

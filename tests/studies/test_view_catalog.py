@@ -1,0 +1,75 @@
+"""What fabricated fingers hide of a pad: shares of fingers against the normal distribution."""
+
+import dataclasses
+from statistics import NormalDist
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from optics import Fabrication, Imaging, parse_scene
+from studies.models.sensor.catalog import MADE, catalog_of
+from studies.models.sensor.finger_sensor import lens_of
+
+FIELD_DEG = 100.0
+HIGH_DEG, LOW_DEG = 49.5, -45.0
+"""Where the upper pad's upper end and the lower pad's lower one are seen: near the image's border
+half a degree away, and far from it."""
+
+AWAY, HALF_WAY = 20.0, 10.0
+
+
+def tables() -> dict:
+    """Two pads that stay in a plane before the camera; a post before the lower one; one that moves.
+
+    The line of sight to the lower pad's lower end passes 0.1 mm above the post.
+    """
+    low = AWAY * np.tan(np.radians(LOW_DEG))
+    ends = {"upper": (5.0, AWAY * np.tan(np.radians(HIGH_DEG))), "lower": (low, -12.0)}
+    pads = [
+        {"name": name, "from": [AWAY, first], "to": [AWAY, second], "side": "left"}
+        for name, (first, second) in ends.items()
+    ]
+    pads.append({"name": "tip", "from": [30.0, -2.0], "to": [30.0, 2.0], "side": "left"})
+    pads[-1]["body"] = "tip"
+    post = {"name": "post", "from": [HALF_WAY, -30.0], "to": [HALF_WAY, low / 2 - 0.1]}
+    return {
+        "scene": {"name": "two pads", "format": 1, "bounces": 0},
+        "camera": {
+            "position": [0.0, 0.0],
+            "direction_deg": 0.0,
+            "fov_deg": FIELD_DEG,
+            "pixels": 540,
+            "projection": "equidistant",
+        },
+        "pads": pads,
+        "blockers": [post],
+        "frames": {"tip": {"hinge": [30.0, 0.0], "angle": "dip"}},
+    }
+
+
+@pytest.mark.parametrize("error", ["tilt", "camera"])
+def test_of_what_is_seen_shares_are_those_that_nothing_hides(error):
+    scene = parse_scene(tables(), "two pads")
+    deviation = {
+        # Half a standard deviation brings the upper end to the image's border,
+        "tilt": jnp.asarray(np.radians(2 * (FIELD_DEG / 2 - HIGH_DEG))),
+        # and 0.4 of one the lower end behind the post: its line there falls by half as much.
+        "camera": jnp.array([0.0, 2 * 0.1 / 0.4]),
+    }[error]
+    none = Fabrication.none(scene.layout)
+    deviations = dataclasses.replace(none, **{error: deviation})
+    imaging = Imaging.of(scene.camera)
+    catalog = catalog_of(scene, imaging, lens_of(imaging), 10.0, deviations, ())
+    upper, lower, _ = catalog.families
+    # Of 33 fingers, three standard deviations.
+    within = 3 * np.sqrt(0.25 / (MADE + 1))
+    if error == "tilt":
+        assert upper.complete[0] == pytest.approx(NormalDist().cdf(0.5), abs=within)
+        # Where the border is, corners show: nothing else hides a part in any finger.
+        assert (upper.unhidden[0], upper.ends[0].tolist()) == (1, [True, True])
+        assert (lower.complete[0], lower.unhidden[0], lower.ends[0].all()) == (1, 1, True)
+    else:
+        assert lower.complete[0] == pytest.approx(NormalDist().cdf(0.4), abs=within)
+        assert lower.unhidden[0] == lower.complete[0]
+        assert lower.ends[0].tolist() == [False, True]
