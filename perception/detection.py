@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from perception.blobs import join_halves, stable_blobs
+from perception.colored_ends import find_colors_apart
 from perception.images import checked_image
 from perception.lens import Lens
 from perception.masks import Gray, Mask, brightness, lamp_mask, without_lamps
@@ -64,12 +65,14 @@ class _Light(NamedTuple):
     """An image as edges are looked for in it.
 
     Attributes:
+        picture: the image.
         codes: brightest color of every pixel, 8 bits.
         brightest: light of that color.
         green: light in green; ``None`` if the image has one channel.
         lamps: lamps in view.
     """
 
+    picture: np.ndarray
     codes: Gray
     brightest: Float[np.ndarray, "rows columns"]
     green: Float[np.ndarray, "rows columns"] | None
@@ -87,7 +90,7 @@ class _Light(NamedTuple):
         green = None
         if picture.ndim == 3:
             green = lens.light(np.ascontiguousarray(picture[..., CHANNEL]))
-        return cls(gray, lens.light(gray), green, lamp_mask(picture, gray))
+        return cls(picture, gray, lens.light(gray), green, lamp_mask(picture, gray))
 
     def quads(self, lens: Lens) -> list[Quad]:
         """All quadrilaterals, from the image's top to its bottom."""
@@ -99,6 +102,8 @@ class _Light(NamedTuple):
     def fit(self, lens: Lens, fit: Callable[..., Quad | None], about: np.ndarray) -> Quad | None:
         """A quadrilateral fitted in green where this is bright enough, else in the brightest color.
 
+        Where a color ends elsewhere than at its ends, these may be there, too.
+
         Args:
             lens: of the camera.
             fit: `fit_quad` or `follow_quad`.
@@ -106,6 +111,17 @@ class _Light(NamedTuple):
         """
         if self.green is None:
             return fit(self.brightest, lens, about, self.lamps)
+        quad = self._fitted(lens, fit, about)
+        if quad is None or quad.quality is not Quality.COMPLETE:
+            return quad
+        away = find_colors_apart(self.picture, lens, quad.rays)
+        doubt = away[:, :, None] * away[:, None, :]
+        return replace(quad, covariance=quad.covariance + doubt)
+
+    def _fitted(
+        self, lens: Lens, fit: Callable[..., Quad | None], about: np.ndarray
+    ) -> Quad | None:
+        """By its color."""
         quad = fit(self.green, lens, about, self.lamps)
         bright = quad is not None and quad.contrast >= GREEN_CONTRAST
         if quad is not None and bright and quad.quality is Quality.COMPLETE:

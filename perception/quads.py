@@ -196,7 +196,8 @@ def _settled(
     contrast = float(found.edges.contrast.min())
     scatter = max(line.scatter for line in found.lines)
     quality = Quality.COMPLETE
-    if border.any():
+    # A lamp across an end may be before it, and hide a part of the pad.
+    if border.any() or found.edges.lit[1::2].any():
         quality = Quality.CLIPPED
     elif contrast < LEAST_CONTRAST:
         quality = Quality.LOW_CONTRAST

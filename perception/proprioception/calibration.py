@@ -28,7 +28,9 @@ from perception.proprioception.corners import (
 from perception.proprioception.misfit import Misfit, find_misfit
 from perception.proprioception.observation import Observation
 
-TOLERANCE = 1e-9
+TOLERANCE, STEPS = 1e-9, 256
+"""Of the search, and a cap on its steps: with many corners that count less it converges linearly
+only."""
 
 MOST_SCATTER = 1.5
 """Frames that scatter more, in units of their stated deviations, are no calibration."""
@@ -141,7 +143,7 @@ def _calibrated(
 
     guess = jnp.concatenate([jnp.zeros(drawn), start.reshape(-1)])
     fit: Fit = least_squares(
-        residuals, guess, tolerance=TOLERANCE, max_steps=64, differentiable=False
+        residuals, guess, tolerance=TOLERANCE, max_steps=STEPS, differentiable=False
     )
     values, found = fit.solution.value, fit.solution.ok
 
