@@ -40,7 +40,7 @@ ROUNDS, STEP, TRUSTED, SETTLED, ASTRAY, FEWEST = 8, 40.0, 3.0, 1e-3, 0.01, 12
 from which step on no more is needed and with which last one no place was found (px), and the fewest
 rays for one."""
 
-INSET = 0.02
+INSET = 0.005
 """A corner is seen if a ray beside it, so far inside the membrane (mm), is."""
 
 FAN = 0.2
