@@ -7,19 +7,19 @@ the pad: then its far edge is found. It is lit by other lamps, so that some colo
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 
+from perception.lengths import ENDS
 from perception.lens import Lens, TangentPlane
 from perception.sampling import sampled
+from perception.sides import TRIMMED
 
-ENDS = (0, 3), (1, 2)
-"""The corners of both ends."""
+PLACES = 24
+"""Along an end, but for its trimmed parts."""
 
-PLACES, TRIMMED = 24, 0.1
-"""Places along an end, and the part of it at each corner that has none."""
-
-INWARD, OUTWARD = 14, 6
-"""How far light is looked at from an end, px; over the inner third it is that of the pad."""
+INWARD, OUTWARD, FEWEST = 14, 6, 6
+"""How far light is looked at from an end, px: inward over at most half of the view, and over at
+least so much. Over the inner third it is that of the pad."""
 
 CONTRAST = 12.0
 """Codes: a color whose step is lower has no edge."""
@@ -30,17 +30,15 @@ APART = 2.0
 
 def find_colors_apart(
     picture: UInt8[np.ndarray, "rows columns 3"], lens: Lens, rays: Float[np.ndarray, "4 2"]
-) -> Float[np.ndarray, "4 2"]:
-    """The ways from a view's corners to where they are in the color that ends furthest away.
+) -> Bool[np.ndarray, "2"]:
+    """At which of a view's ends, the lower and the upper, some color ends more than 2 px away.
+
+    Of a view that is less than 12 px long nothing is known.
 
     Args:
         picture: red, green and blue.
         lens: of the camera.
         rays: of the view's corners, in the order of `perception.quads.Quad`.
-
-    Returns:
-        For each corner the way along its side, column and row; 0 where no color ends more than
-        2 px away from its end.
 
     Example:
         >>> rows, columns = np.mgrid[:90, :120]
@@ -52,30 +50,29 @@ def find_colors_apart(
         >>> picture[20:70, 30:90] = 200
         >>> picture[64:70, 30:90, 0] = 40  # behind the lower end it is not red
         >>> corners = np.array([[30.0, 69.5], [30.0, 19.5], [89.0, 19.5], [89.0, 69.5]])
-        >>> find_colors_apart(picture, lens, lens.rays(corners))[:, 1].tolist()
-        [-5.5, 0.0, 0.0, -5.5]
+        >>> find_colors_apart(picture, lens, lens.rays(corners)).tolist()
+        [True, False]
     """
     plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
     flat = plane.flat(rays)
     shares = np.linspace(TRIMMED, 1 - TRIMMED, PLACES)[:, None]
-    ends = [flat[list(end)][:1] + shares * np.diff(flat[list(end)], axis=0) for end in ENDS]
-    inward = flat + TRIMMED * (flat[[1, 0, 3, 2]] - flat)
-    at = lens.project(plane.rays(np.concatenate([flat, inward, *ends])))
-    corners, inward, *both = np.split(at, [4, 8, 8 + PLACES])
-    away, sides = np.zeros((4, 2)), corners - inward
-    for end, places in zip(ENDS, both, strict=True):
-        along_end = places[-1] - places[0]
-        normal = np.array([-along_end[1], along_end[0]]) / np.hypot(*along_end)
-        outward = normal * np.sign(sides[end[0]] @ normal)
-        along = np.arange(-INWARD, OUTWARD + 1)
+    ends = [flat[left] + shares * (flat[right] - flat[left]) for left, right in ENDS]
+    at = np.split(lens.project(plane.rays(np.concatenate(ends))), 2)
+    lengths = np.hypot(*(at[1] - at[0]).T)
+    inward = int(min(INWARD, lengths.min() / 2))
+    apart = np.zeros(2, bool)
+    if inward < FEWEST:
+        return apart
+    along = np.arange(-inward, OUTWARD + 1)
+    for end, (places, others) in enumerate(zip(at, at[::-1], strict=True)):
+        across = places[-1] - places[0]
+        normal = np.array([-across[1], across[0]]) / np.hypot(*across)
+        outward = normal * np.sign((places - others).mean(axis=0) @ normal)
         light = sampled(picture, places[:, None] + along[:, None] * outward)
         profiles = np.median(light.astype(float), axis=0)
-        inside, outside = np.median(profiles[: INWARD // 3], axis=0), profiles.min(axis=0)
+        inside = np.median(profiles[: inward // 3], axis=0)
+        outside = profiles[along > 0].min(axis=0)
         below = profiles < (inside + outside) / 2
         first_below = along[np.argmax(below, axis=0)] - 0.5
-        found = first_below[(inside - outside >= CONTRAST) & below.any(axis=0)]
-        furthest = max(found, key=abs, default=0.0)
-        if abs(furthest) > APART:
-            for corner in end:
-                away[corner] = furthest * sides[corner] / (sides[corner] @ outward)
-    return away
+        apart[end] = np.any((np.abs(first_below) > APART) & (inside - outside >= CONTRAST))
+    return apart

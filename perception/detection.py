@@ -102,7 +102,7 @@ class _Light(NamedTuple):
     def fit(self, lens: Lens, fit: Callable[..., Quad | None], about: np.ndarray) -> Quad | None:
         """A quadrilateral fitted in green where this is bright enough, else in the brightest color.
 
-        Where a color ends elsewhere than at its ends, these may be there, too.
+        Where a color ends elsewhere than at its end, that may be none of a pad.
 
         Args:
             lens: of the camera.
@@ -114,14 +114,12 @@ class _Light(NamedTuple):
         quad = self._fitted(lens, fit, about)
         if quad is None or quad.quality is not Quality.COMPLETE:
             return quad
-        away = find_colors_apart(self.picture, lens, quad.rays)
-        doubt = away[:, :, None] * away[:, None, :]
-        return replace(quad, covariance=quad.covariance + doubt)
+        return replace(quad, apart=find_colors_apart(self.picture, lens, quad.rays))
 
     def _fitted(
         self, lens: Lens, fit: Callable[..., Quad | None], about: np.ndarray
     ) -> Quad | None:
-        """By its color."""
+        """That quadrilateral, whatever other colors are."""
         quad = fit(self.green, lens, about, self.lamps)
         bright = quad is not None and quad.contrast >= GREEN_CONTRAST
         if quad is not None and bright and quad.quality is Quality.COMPLETE:

@@ -105,12 +105,15 @@ def shortened(
         return rays
 
     rays = ended(length)
-    corners, covariance = lens.project(rays), quad.covariance.copy()
+    corners = lens.project(rays)
+    covariance, roughness = quad.covariance.copy(), quad.roughness.copy()
     deviation = float(np.hypot(of_corners, of_finger))
     moved = lens.project(ended(length + deviation)) - corners
     for other in ENDS[1 - kept]:
         covariance[other] += np.outer(moved[other], moved[other])
-    return replace(quad, rays=rays, corners=corners, covariance=covariance)
+        # The edge that was found there is not the pad's.
+        roughness[other] = 0
+    return replace(quad, rays=rays, corners=corners, covariance=covariance, roughness=roughness)
 
 
 def _ends(rays: Float[np.ndarray, "4 2"], width: float) -> Float[np.ndarray, "2 2"]:

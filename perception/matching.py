@@ -90,9 +90,10 @@ class ViewFamily:
         visible: whether any of the pad is seen.
         possible: whether any of it is in some finger, with errors of fabrication.
         complete: in what share of fingers, with errors of fabrication, all of it is seen.
-        unhidden: of the fingers that show any of it, in what share nothing hides a part, but for
-            the image's border.
-        ends: whether nothing hides its first and its second end in any of these, either.
+        unhidden: of the fingers that show any of it, in what share nothing but the image's border
+            hides a part; at least one hides some where not all of them show it.
+        ends: whether all fingers show it, and in none anything but the image's border hides its
+            first and its second end.
         spread: root mean square distance of its first and of its second end's corners from
             ``corners``, by errors of fabrication, px.
         extent: the pad's length as this view shows it (`perception.lengths`), and its standard
@@ -149,7 +150,7 @@ class View:
         quality: how it was found.
         ends: whether the pad's first and its second end are those of the view, whatever the errors
             of fabrication: of a clipped view the one that is cut off is not, and of a complete one
-            not the one that something hides in some fingers.
+            not the one that something hides in some fingers, or at which not all colors end.
         corners: column and row, in the pad's own order; NaN where it is missing.
         rays: of the corners.
         covariance: of the corners, px².
@@ -552,6 +553,7 @@ def _found(
         ends &= not ends.all()
     elif quad.quality is not Quality.COMPLETE:
         ends = np.zeros(2, bool)
+    ends &= ~quad.apart[order[:2]]
     corners = quad.corners[order] - family.bend[value]
     return View(
         pad=family.pad,

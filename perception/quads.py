@@ -8,12 +8,12 @@ where the brightness crosses half of its step, and corners are where these lines
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from perception.images import checked_brightness
 from perception.lens import Lens, TangentPlane
@@ -78,6 +78,8 @@ class Quad:
         contrast: step of brightness across the side that has the least, of 255.
         scatter: standard deviation of edges about the side that fits worst, px.
         quality: complete, clipped, of low contrast or blurred.
+        apart: whether some color ends elsewhere than at its lower and at its upper end: what lies
+            behind a pad has other colors.
     """
 
     rays: Float[np.ndarray, "4 2"]
@@ -88,6 +90,7 @@ class Quad:
     contrast: float
     scatter: float
     quality: Quality
+    apart: Bool[np.ndarray, "2"] = field(default_factory=lambda: np.zeros(2, bool))
 
 
 def fit_quad(

@@ -144,7 +144,8 @@ def test_in_any_order_corners_rays_and_covariances_are_those_of_a_pad():
     quads = []
     for quad in quads_of(corners_in(BOTH)):
         own = np.array([(1 + i) * np.eye(2) for i in quad.corners[:, 0]])
-        quads.append(dataclasses.replace(quad, covariance=own))
+        upper = np.array([False, True])
+        quads.append(dataclasses.replace(quad, covariance=own, roughness=own / 2, apart=upper))
     reference = match_views(quads, KNOWN, LENS)
     for order in ([4, 3, 2, 1, 0], [1, 3, 0, 4, 2], [2, 0, 4, 1, 3]):
         sighting = match_views([quads[i] for i in order], KNOWN, LENS)
@@ -153,6 +154,10 @@ def test_in_any_order_corners_rays_and_covariances_are_those_of_a_pad():
         for view, corners in zip(sighting.views, corners_in(BOTH), strict=True):
             np.testing.assert_array_equal(view.corners, corners)
             np.testing.assert_allclose(view.covariance[:, 0, 0], 1 + view.corners[:, 0])
+            np.testing.assert_array_equal(view.roughness, view.covariance / 2)
+            # Where colors end apart is no end of the pad: here the one that is higher in the image.
+            higher = int(np.argmin([corners[[0, 3], 1].mean(), corners[[1, 2], 1].mean()]))
+            assert view.ends == (higher == 1, higher == 0)
             np.testing.assert_allclose(LENS.project(view.rays), view.corners, atol=1e-6)
 
 

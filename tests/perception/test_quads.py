@@ -176,6 +176,30 @@ def test_the_covariance_is_the_scatter_of_repeats():
     np.testing.assert_array_less(np.abs(np.log(expected / scatter)), np.log(2.5))
 
 
+def test_of_a_rough_pad_the_covariance_is_roughness_and_of_a_noisy_one_it_is_not():
+    light, generator = light_of(PADS["before"]), np.random.default_rng(5)
+    rows, columns = np.indices(light.shape, np.float32)
+    # Edges are off by 0.7 px, alike over some 8 px.
+    off = [cv2.GaussianBlur(generator.standard_normal(light.shape), (0, 0), 4.0) for _ in range(2)]
+    across, down = (0.7 * one / one.std() for one in off)
+    places = (columns + across.astype(np.float32), rows + down.astype(np.float32))
+    rough = cv2.remap(light, *places, cv2.INTER_LINEAR)
+    first, second = (only(stored(rough, 2.0, seed), LENS) for seed in (1, 2))
+    noisy = only(stored(light, 20.0), LENS)
+    own = first.covariance - first.roughness
+    # Two pictures of the rough pad differ by much less than both are off.
+    off = first.corners - second.corners
+    assert np.einsum("ci,cij,cj->c", off, np.linalg.inv(2 * own), off).max() < 3**2
+    alike, total = (
+        np.trace(part, axis1=1, axis2=2) for part in (first.roughness, first.covariance)
+    )
+    assert (alike > 0.8 * total).all()
+    alike, total = (
+        np.trace(part, axis1=1, axis2=2) for part in (noisy.roughness, noisy.covariance)
+    )
+    assert (alike < 0.6 * total).all()
+
+
 def test_more_noise_is_more_scatter_and_a_larger_covariance():
     pad = PADS["before"]
     calm, noisy = (only(stored(light_of(pad), noise), LENS) for noise in (2.0, 10.0))

@@ -19,13 +19,14 @@ half a degree away, and far from it."""
 AWAY, HALF_WAY = 20.0, 10.0
 
 
-def tables() -> dict:
+def tables(long: float = 8.0) -> dict:
     """Two pads that stay in a plane before the camera; a post before the lower one; one that moves.
 
-    The line of sight to the lower pad's lower end passes 0.1 mm above the post.
+    The line of sight to the lower pad's lower end passes 0.1 mm above the post; that pad is so
+    long, mm.
     """
     low = AWAY * np.tan(np.radians(LOW_DEG))
-    ends = {"upper": (5.0, AWAY * np.tan(np.radians(HIGH_DEG))), "lower": (low, -12.0)}
+    ends = {"upper": (5.0, AWAY * np.tan(np.radians(HIGH_DEG))), "lower": (low, low + long)}
     pads = [
         {"name": name, "from": [AWAY, first], "to": [AWAY, second], "side": "left"}
         for name, (first, second) in ends.items()
@@ -73,3 +74,17 @@ def test_of_what_is_seen_shares_are_those_that_nothing_hides(error):
         assert lower.complete[0] == pytest.approx(NormalDist().cdf(0.4), abs=within)
         assert lower.unhidden[0] == lower.complete[0]
         assert lower.ends[0].tolist() == [False, True]
+
+
+def test_a_view_that_some_fingers_do_not_show_may_be_hidden_in_part_and_has_no_sure_end():
+    """A pad of 0.01 mm is behind the post as a whole, or not at all."""
+    scene = parse_scene(tables(0.01), "two pads")
+    none = Fabrication.none(scene.layout)
+    deviations = dataclasses.replace(none, camera=jnp.array([0.0, 2 * 0.1 / 0.4]))
+    imaging = Imaging.of(scene.camera)
+    catalog = catalog_of(scene, imaging, lens_of(imaging), 10.0, deviations, ())
+    lower = catalog.families[1]
+    shown = round(lower.complete[0] * (MADE + 1))
+    assert 0 < shown < MADE + 1
+    assert lower.unhidden[0] == pytest.approx(1 - 1 / shown)
+    assert not lower.ends[0].any()

@@ -43,10 +43,10 @@ class PosedViews(NamedTuple):
     Attributes:
         corners: where they are imaged.
         seen: whether anything is seen.
-        ends: whether the view ends where the pad does, its bezel or layers, or the image, at both
-            its ends.
-        unhidden: whether that is one view from end to end.
-        whole: whether that is all of the pad.
+        ends: whether the view ends where the pad does, its bezel or layers, or the field of view,
+            at its first and at its second end.
+        unhidden: whether one view reaches from one such end to the other.
+        whole: whether it reaches from one end of the pad to the other.
     """
 
     corners: Float[np.ndarray, "*views 4 2"]
@@ -99,7 +99,7 @@ def catalog_of(
     # Where the view is about to vanish, a finger without it would hide a part a little before.
     hidden = np.maximum(hidden, shown < len(together.seen))
     possible, unhidden = shown > 0, 1 - hidden / np.maximum(shown, 1)
-    always = np.all(together.ends | ~together.seen[..., None], axis=0) & possible[..., None]
+    always = np.all(together.ends, axis=0)
     spread = np.sqrt(np.mean(rms_of_ends(others.corners - own.corners) ** 2, axis=0))
 
     bends = _bends(scene, imaging, lens, width, poses, own.corners)
