@@ -11,11 +11,11 @@ from jaxtyping import Array, Bool, Float
 from perception.matching import Sighting
 from perception.quality import Quality
 
-FLOOR, CONSTANT = 0.05, 0.13
+FLOOR, CONSTANT = 0.15, 0.13
 """Standard deviations of a corner that its covariance does not contain, px: in this frame, as
 saturation and compression move edges, and in every frame alike, as its pad's edges are round, or a
-lens is not quite as it is thought. They are most likely for the corners of twelve rendered fingers
-with rough edges and given errors; path-traced ones of straight edges have the same."""
+lens is not quite as it is thought. For twelve rendered fingers 0.04 and 0.13 are most likely; with
+so small a floor a corner that is off by more refuses a right frame now and then."""
 
 WORST = 1e12
 """A view with a corner that is known so unevenly is not used: a side of it was not found."""
