@@ -160,7 +160,7 @@ def test_the_variance_of_a_line_is_the_scatter_of_repeats(alike, within):
 
 @pytest.mark.parametrize(("rough", "noise"), [(0.3, 0.1), (0.3, 0.3), (0.0, 0.3)])
 def test_roughness_is_what_all_frames_of_a_side_have_alike(rough, noise):
-    """The rest of a line's variance is what scatters from frame to frame, or more."""
+    """The rest of a line's variance is about what scatters from frame to frame, or is larger."""
     generator = np.random.default_rng(2)
     white = np.sqrt(5) * rough * generator.standard_normal((400, POINTS + 4))
     shapes = scipy.ndimage.uniform_filter1d(white, 5, axis=1)[:, 2:-2]

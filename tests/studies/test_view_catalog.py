@@ -6,8 +6,10 @@ from statistics import NormalDist
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxtyping import Array
 
 from optics import Fabrication, Imaging, parse_scene
+from perception.matching import ViewCatalog
 from studies.models.sensor.catalog import MADE, catalog_of
 from studies.models.sensor.finger_sensor import lens_of
 
@@ -49,41 +51,41 @@ def tables(long: float = 8.0) -> dict:
     }
 
 
-@pytest.mark.parametrize("error", ["tilt", "camera"])
-def test_of_what_is_seen_shares_are_those_that_nothing_hides(error):
-    scene = parse_scene(tables(), "two pads")
-    deviation = {
-        # Half a standard deviation brings the upper end to the image's border,
-        "tilt": jnp.asarray(np.radians(2 * (FIELD_DEG / 2 - HIGH_DEG))),
-        # and 0.4 of one the lower end behind the post: its line there falls by half as much.
-        "camera": jnp.array([0.0, 2 * 0.1 / 0.4]),
-    }[error]
-    none = Fabrication.none(scene.layout)
-    deviations = dataclasses.replace(none, **{error: deviation})
+def catalog_made(long: float = 8.0, **deviations: Array) -> ViewCatalog:
+    """Of fingers with such errors only."""
+    scene = parse_scene(tables(long), "two pads")
+    errors = dataclasses.replace(Fabrication.none(scene.layout), **deviations)
     imaging = Imaging.of(scene.camera)
-    catalog = catalog_of(scene, imaging, lens_of(imaging), 10.0, deviations, ())
-    upper, lower, _ = catalog.families
-    # Of 33 fingers, three standard deviations.
-    within = 3 * np.sqrt(0.25 / (MADE + 1))
-    if error == "tilt":
-        assert upper.complete[0] == pytest.approx(NormalDist().cdf(0.5), abs=within)
-        # Where the border is, corners show: nothing else hides a part in any finger.
-        assert (upper.unhidden[0], upper.ends[0].tolist()) == (1, [True, True])
-        assert (lower.complete[0], lower.unhidden[0], lower.ends[0].all()) == (1, 1, True)
-    else:
-        assert lower.complete[0] == pytest.approx(NormalDist().cdf(0.4), abs=within)
-        assert lower.unhidden[0] == lower.complete[0]
-        assert lower.ends[0].tolist() == [False, True]
+    return catalog_of(scene, imaging, lens_of(imaging), 10.0, errors, ())
+
+
+OF_33 = 3 * np.sqrt(0.25 / (MADE + 1))
+"""Three standard deviations of a share of 33 fingers."""
+
+UP_AND_DOWN = jnp.array([0.0, 2 * 0.1 / 0.4])
+"""Of the camera, mm: 0.4 of it brings the lower end behind the post, as its line of sight falls
+there by half as much."""
+
+
+def test_what_the_images_border_cuts_is_not_hidden():
+    # Half a standard deviation brings the upper end to the image's border.
+    tilt = jnp.asarray(np.radians(2 * (FIELD_DEG / 2 - HIGH_DEG)))
+    upper, lower, _ = catalog_made(tilt=tilt).families
+    assert upper.complete[0] == pytest.approx(NormalDist().cdf(0.5), abs=OF_33)
+    assert (upper.unhidden[0], upper.ends[0].tolist()) == (1, [True, True])
+    assert (lower.complete[0], lower.unhidden[0], lower.ends[0].all()) == (1, 1, True)
+
+
+def test_what_is_behind_something_in_some_fingers_is_hidden_in_as_many():
+    lower = catalog_made(camera=UP_AND_DOWN).families[1]
+    assert lower.complete[0] == pytest.approx(NormalDist().cdf(0.4), abs=OF_33)
+    assert lower.unhidden[0] == lower.complete[0]
+    assert lower.ends[0].tolist() == [False, True]
 
 
 def test_a_view_that_some_fingers_do_not_show_may_be_hidden_in_part_and_has_no_sure_end():
     """A pad of 0.01 mm is behind the post as a whole, or not at all."""
-    scene = parse_scene(tables(0.01), "two pads")
-    none = Fabrication.none(scene.layout)
-    deviations = dataclasses.replace(none, camera=jnp.array([0.0, 2 * 0.1 / 0.4]))
-    imaging = Imaging.of(scene.camera)
-    catalog = catalog_of(scene, imaging, lens_of(imaging), 10.0, deviations, ())
-    lower = catalog.families[1]
+    lower = catalog_made(0.01, camera=UP_AND_DOWN).families[1]
     shown = round(lower.complete[0] * (MADE + 1))
     assert 0 < shown < MADE + 1
     assert lower.unhidden[0] == pytest.approx(1 - 1 / shown)

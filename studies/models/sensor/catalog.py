@@ -204,24 +204,30 @@ def find_posed_views(
     plain = eqx.tree_at(lambda scene: scene.camera.projection, scene, Equidistant())
     pieces: Pieces = jax.tree.map(np.asarray, _pieces_of(plain, jnp.asarray(poses)))
     first, second = is_own_end(pieces.start_label, 0), is_own_end(pieces.end_label, 1)
-    clear_first, clear_second = (
-        own | (label == LEFT_LIMIT) | (label == RIGHT_LIMIT)
-        for own, label in ((first, pieces.start_label), (second, pieces.end_label))
-    )
+    limits = LEFT_LIMIT, RIGHT_LIMIT
+    first_or_limit = first | np.isin(pieces.start_label, limits)
+    second_or_limit = second | np.isin(pieces.end_label, limits)
     by_end_face = np.zeros_like(pieces.present) if pieces.face is None else pieces.face > 0
     by_path = []
     for path in range(shape[2]):
         there = pieces.present & (pieces.path == path)
         # A view through a clear end adjoins the one through the top: together they have no corners.
         alone = there & ~np.any(there & by_end_face, axis=-1, keepdims=True)
-        clear = alone & clear_first, alone & clear_second
-        by_path.append([there, *clear, clear[0] & clear[1], alone & first & second])
+        by_path.append(
+            [
+                there,
+                alone & first_or_limit,
+                alone & second_or_limit,
+                alone & first_or_limit & second_or_limit,
+                alone & first & second,
+            ]
+        )
     seen, *ends, unhidden, whole = (
         np.stack([np.any(kind, axis=-1) for kind in kinds], axis=-2)
         for kinds in zip(*by_path, strict=True)
     )
-    own_corners = corners.reshape(*shape, 4, 2)
-    return PosedViews(own_corners, seen, np.stack(ends, axis=-1), unhidden, whole)
+    by_end = np.stack(ends, axis=-1)
+    return PosedViews(corners.reshape(*shape, 4, 2), seen, by_end, unhidden, whole)
 
 
 def _views_of(scene: Scene) -> tuple[tuple[tuple[int, ...], int], ...]:
