@@ -22,7 +22,7 @@ INWARD, OUTWARD, FEWEST = 14, 6, 6
 least so much. Over the inner third it is that of the pad."""
 
 CONTRAST = 12.0
-"""Codes: a color whose step is lower has no edge."""
+"""Codes: a color whose step is lower has no edge that is relied on."""
 
 APART = 2.0
 """px: layers and lenses move the edges of colors by less, and blur and noise, too."""

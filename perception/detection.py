@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from perception.blobs import join_halves, stable_blobs
-from perception.colored_ends import find_colors_apart
+from perception.colored_ends import CONTRAST, find_colors_apart
 from perception.images import checked_image
 from perception.lens import Lens
 from perception.masks import Gray, Mask, brightness, lamp_mask, without_lamps
@@ -21,9 +21,6 @@ from perception.quality import Quality
 
 CHANNEL = 1
 """Green."""
-
-GREEN_CONTRAST = 12.0
-"""Codes: where the step in green is lower on any side, edges are those of the brightest color."""
 
 COLOR_DOUBT = 0.3
 """px: by so much layers and lens image red and blue elsewhere than green, for which corners are
@@ -121,7 +118,7 @@ class _Light(NamedTuple):
     ) -> Quad | None:
         """That quadrilateral, whatever other colors are."""
         quad = fit(self.green, lens, about, self.lamps)
-        bright = quad is not None and quad.contrast >= GREEN_CONTRAST
+        bright = quad is not None and quad.contrast >= CONTRAST
         if quad is not None and bright and quad.quality is Quality.COMPLETE:
             return quad
         other = fit(self.brightest, lens, about, self.lamps)
