@@ -14,8 +14,9 @@ from perception.quality import Quality
 FLOOR, CONSTANT = 0.15, 0.13
 """Standard deviations of a corner that its covariance does not contain, px: in this frame, as
 saturation and compression move edges, and in every frame alike, as its pad's edges are round, or a
-lens is not quite as it is thought. For twelve rendered fingers 0.04 and 0.13 are most likely; with
-so small a floor a corner that is off by more refuses a right frame now and then."""
+lens is not quite as it is thought. For twelve rendered fingers with rough edges 0.04 and 0.13 are
+most likely; with so small a floor some right frames are refused, as a few corners are off by more.
+"""
 
 WORST = 1e12
 """A view with a corner that is known so unevenly is not used: a side of it was not found."""
@@ -49,12 +50,15 @@ class Observation(NamedTuple):
         return (self.whitening != 0).any(axis=-1)
 
 
-def observe(sighting: Sighting, views: Sequence[tuple[str, str]]) -> Observation:
+def observe(
+    sighting: Sighting, views: Sequence[tuple[str, str]], floor: float = FLOOR
+) -> Observation:
     """The corners of a sighting's complete views, at the ends that each view's `View.ends` grants.
 
     Args:
         sighting: of one frame.
         views: pad and path of every view, in the order of the model.
+        floor: standard deviation in this frame that is added to every corner's own, px.
 
     Example:
         >>> seen = observe(Sighting((), (), np.zeros(1)), [("tip", "direct")])
@@ -69,7 +73,7 @@ def observe(sighting: Sighting, views: Sequence[tuple[str, str]]) -> Observation
         if view is None or view.quality is not Quality.COMPLETE:
             continue
         alike = view.roughness + CONSTANT**2 * np.eye(2)
-        own = view.covariance - view.roughness + FLOOR**2 * np.eye(2)
+        own = view.covariance - view.roughness + floor**2 * np.eye(2)
         if np.isfinite(own).all() and np.linalg.cond(own).max() < WORST:
             of_ends = np.array(view.ends)[[0, 1, 1, 0]]
             corners[index] = view.corners

@@ -40,15 +40,16 @@ def view_with(
 @given(
     st.lists(st.tuples(deviation, deviation, correlation), min_size=4, max_size=4),
     st.lists(st.floats(0, 0.99), min_size=4, max_size=4),
+    st.sampled_from([FLOOR, 2.0]),
 )
-def test_covariances_are_split_by_frame_and_alike_and_both_are_enlarged(corners, rough):
+def test_covariances_are_split_by_frame_and_alike_and_both_are_enlarged(corners, rough, floor):
     covariances = [covariance_of(*corner) for corner in corners]
-    seen = observe(sighting_of(view_with(covariances, rough=rough)), VIEWS)
+    seen = observe(sighting_of(view_with(covariances, rough=rough)), VIEWS, floor)
     parts = zip(np.asarray(seen.whitening)[0], np.asarray(seen.common)[0], strict=True)
     for (whitening, common), covariance, share in zip(parts, covariances, rough, strict=True):
         own, alike = (1 - share) * covariance, share * covariance + CONSTANT**2 * np.eye(2)
         # With the floor the condition number is below 1e7.
-        product = whitening.T @ whitening @ (own + FLOOR**2 * np.eye(2))
+        product = whitening.T @ whitening @ (own + floor**2 * np.eye(2))
         np.testing.assert_allclose(product, np.eye(2), atol=1e-8)
         np.testing.assert_allclose(common @ common, alike, rtol=1e-9, atol=1e-12 * alike.max())
         np.testing.assert_allclose(common, common.T, rtol=1e-12)
