@@ -254,6 +254,7 @@ def add_figures(
         sizes = np.maximum(np.abs(own["error_deg"]), 1e-3)
         dots = {"color": "0.6", "markersize": 3, "zorder": 1, "label": "one frame"}
         axes.plot(own["angle_deg"], sizes, ".", **dots)
+        axes.autoscale(axis="y")  # not of the lines alone
     out.figure("bound", drawing)
     out.figure("covariance", plots.qq(usual, "error_deg", "deviation_deg", by="method"))
 
