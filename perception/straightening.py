@@ -23,8 +23,11 @@ def find_straight_corners(
     """Where lines through the sides of an outline meet: corner i is that of sides i − 1 and i.
 
     Args:
-        sides: places along every side in the image, from corner to corner, at `SHARES`.
+        sides: rays along every side, from corner to corner, at `SHARES`.
         lens: of the camera.
+
+    Returns:
+        Columns and rows, within the image or not; NaN where two sides are parallel.
 
     Example:
         >>> rows, columns = np.mgrid[:90, :120]
@@ -34,17 +37,19 @@ def find_straight_corners(
         ... )
         >>> corners = np.array([[30.0, 70.0], [30.0, 19.0], [89.0, 19.0], [89.0, 70.0]])
         >>> steps = np.roll(corners, -1, axis=0) - corners
-        >>> sides = corners[:, None] + SHARES[:, None] * steps[:, None]
+        >>> places = corners[:, None] + SHARES[:, None] * steps[:, None]
+        >>> sides = lens.rays(places.reshape(-1, 2)).reshape(places.shape)
         >>> find_straight_corners(sides, lens).round().tolist()
         [[30.0, 70.0], [30.0, 19.0], [89.0, 19.0], [89.0, 70.0]]
     """
-    rays = lens.rays(sides.reshape(-1, 2))
+    rays = sides.reshape(-1, 2)
     plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
     flat = plane.flat(rays).reshape(sides.shape)
     middles = flat.mean(axis=1)
     ways = np.linalg.svd(flat - middles[:, None])[2][:, 0]
+    # Lines as homogeneous vectors: their cross product is where they meet.
     normals = np.stack([-ways[:, 1], ways[:, 0]], axis=-1)
-    levels = np.sum(normals * middles, axis=-1)
-    both = np.stack([np.roll(normals, 1, axis=0), normals], axis=1)
-    corners = np.linalg.solve(both, np.stack([np.roll(levels, 1), levels], axis=-1)[..., None])
-    return lens.project(plane.rays(corners[..., 0]))
+    lines = np.column_stack([normals, -np.sum(normals * middles, axis=-1)])
+    meeting = np.cross(np.roll(lines, 1, axis=0), lines)
+    scale = np.where(meeting[:, 2:] == 0, np.nan, meeting[:, 2:])
+    return lens.project(plane.rays(meeting[:, :2] / scale))

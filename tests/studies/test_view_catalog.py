@@ -21,11 +21,11 @@ half a degree away, and far from it."""
 AWAY, HALF_WAY = 20.0, 10.0
 
 
-def tables(long: float = 8.0) -> dict:
+def tables(long: float, degrees: float) -> dict:
     """Two pads that stay in a plane before the camera; a post before the lower one; one that moves.
 
     The line of sight to the lower pad's lower end passes 0.1 mm above the post; that pad is so
-    long, mm.
+    long, mm. The image is as large as its field of view in degrees.
     """
     low = AWAY * np.tan(np.radians(LOW_DEG))
     ends = {"upper": (5.0, AWAY * np.tan(np.radians(HIGH_DEG))), "lower": (low, low + long)}
@@ -41,8 +41,8 @@ def tables(long: float = 8.0) -> dict:
         "camera": {
             "position": [0.0, 0.0],
             "direction_deg": 0.0,
-            "fov_deg": FIELD_DEG,
-            "pixels": 540,
+            "fov_deg": degrees,
+            "pixels": round(5.4 * degrees),
             "projection": "equidistant",
         },
         "pads": pads,
@@ -51,9 +51,14 @@ def tables(long: float = 8.0) -> dict:
     }
 
 
-def catalog_made(long: float = 8.0, **deviations: Array) -> ViewCatalog:
-    """Of fingers with such errors only."""
-    scene = parse_scene(tables(long), "two pads")
+def catalog_made(
+    long: float = 8.0, layers: tuple = (), degrees: float = FIELD_DEG, **deviations: Array
+) -> ViewCatalog:
+    """Of fingers with such errors only, and such layers on the upper pad."""
+    own = tables(long, degrees)
+    if layers:
+        own["pads"][0]["layers"] = list(layers)
+    scene = parse_scene(own, "two pads")
     errors = dataclasses.replace(Fabrication.none(scene.layout), **deviations)
     imaging = Imaging.of(scene.camera)
     return catalog_of(scene, imaging, lens_of(imaging), 10.0, errors, ())
@@ -90,3 +95,30 @@ def test_a_view_that_some_fingers_do_not_show_may_be_hidden_in_part_and_has_no_s
     assert 0 < shown < MADE + 1
     assert lower.unhidden[0] == pytest.approx(1 - 1 / shown)
     assert not lower.ends[0].any()
+
+
+@pytest.mark.parametrize("end", ["black", "clear"])
+def test_a_view_that_adjoins_one_through_a_clear_end_has_no_end(end):
+    thick, index, beyond, start = 3.0, 1.49, 2.0, 5.0
+    # Snell's law at the lower end face, which lies below the pad and faces down: light that enters
+    # near its outer edge reaches the membrane, if the end is clear.
+    inwards = 0.9 * thick
+    along = (AWAY - inwards) / np.hypot(AWAY - inwards, start - beyond)
+    assert start < start - beyond + inwards * np.sqrt(index**2 - along**2) / along
+    sides = {"from": end, "to": "black", "beside": "black"}
+    plate = {"thickness": thick, "index": index, "overhang": [beyond, 1.0], "sides": sides}
+    upper = catalog_made(layers=(plate,)).families[0]
+    alone = end == "black"
+    assert (upper.unhidden[0], upper.ends[0].tolist()) == (alone, [alone, alone])
+
+
+def test_what_corners_and_length_a_view_has_does_not_depend_on_where_the_image_ends():
+    """The upper pad, behind a layer, is cut by the border of the smaller of two images."""
+    plate = {"thickness": 3.0, "index": 1.49}
+    cut, whole = (
+        catalog_made(layers=(plate,), degrees=degrees).families[0]
+        for degrees in (FIELD_DEG, 1.2 * FIELD_DEG)
+    )
+    assert (cut.complete[0], whole.complete[0]) == (0, 1)
+    np.testing.assert_allclose(cut.bend, whole.bend, atol=1e-9)
+    np.testing.assert_allclose(cut.extent, whole.extent, atol=1e-9)

@@ -27,7 +27,7 @@ from optics.visibility.unfolding import paths_of
 from optics.visibility.views import Pieces, name_paths
 from perception.lengths import apparent_length
 from perception.lens import Lens
-from perception.matching import ViewCatalog, ViewFamily, canonical, rms_of_ends
+from perception.matching import ViewCatalog, ViewFamily, rms_of_ends
 from perception.straightening import SHARES, find_straight_corners
 
 ANGLES = np.deg2rad(np.linspace(-2.0, 92.0, 95))
@@ -101,9 +101,9 @@ def catalog_of(
     possible, unhidden = shown > 0, 1 - hidden / np.maximum(shown, 1)
     always = np.all(together.ends, axis=0)
     spread = np.sqrt(np.mean(rms_of_ends(others.corners - own.corners) ** 2, axis=0))
-
+    # Not by the lens: its rays end at the border of the image.
+    rays = np.asarray(_rays_of(imaging, jnp.asarray(together.corners)))
     bends = _bends(scene, imaging, lens, width, poses, own.corners)
-
     families = []
     names, words = name_paths(layout), paths_of(layout, layout.bounces)
     for path, pad in np.argwhere(own.seen.any(axis=(0, 1))).tolist():
@@ -137,7 +137,7 @@ def catalog_of(
                 unhidden=clear,
                 ends=ends,
                 spread=spread[at],
-                extent=_extent(together.corners[(slice(None), *at)], lens, width),
+                extent=_extent(rays[(slice(None), *at)], width),
                 bend=bends[at] if bends is not None else np.zeros_like(own.corners[at]),
                 wanted=in_own_mirror,
             )
@@ -160,12 +160,12 @@ def _of_joint(part: np.ndarray, joint: int | None) -> np.ndarray:
 
 
 def _extent(
-    corners: Float[np.ndarray, "fingers values 4 2"], lens: Lens, width: float
+    rays: Float[np.ndarray, "fingers values 4 2"], width: float
 ) -> Float[np.ndarray, "values 2"]:
     """Apparent length of a pad in its views, and its standard deviation over fingers, mm."""
-    ordered = canonical(corners)
-    rays = lens.rays(ordered.reshape(-1, 2)).reshape(-1, 4, 2)
-    lengths = np.reshape([apparent_length(one, width) for one in rays], ordered.shape[:2])
+    lengths = np.reshape(
+        [apparent_length(one, width) for one in rays.reshape(-1, 4, 2)], rays.shape[:2]
+    )
     return np.stack([lengths[0], np.std(lengths[1:], axis=0)], axis=-1)
 
 
@@ -183,10 +183,12 @@ def _bends(
     """
     if scene.layers is None and scene.camera.pupil_shift is None:
         return None
-    sides = np.asarray(_sides_of(scene, imaging, jnp.asarray(poses), width, _views_of(scene)))
-    sides = sides.reshape(-1, *sides.shape[-3:])
-    straight = np.stack([find_straight_corners(one, lens) for one in sides])
-    return straight.reshape(corners.shape) - corners
+    sides = _sides_of(scene, imaging, jnp.asarray(poses), width, _views_of(scene))
+    rays = np.asarray(_rays_of(imaging, sides))
+    rays = rays.reshape(-1, *rays.shape[-3:])
+    straight = np.stack([find_straight_corners(one, lens) for one in rays])
+    # A pad seen edge-on has no corners; as a view it is too flat to count.
+    return np.nan_to_num(straight.reshape(corners.shape) - corners, nan=0.0)
 
 
 def find_posed_views(
@@ -250,6 +252,11 @@ def _sides_of(
         return find_sides_in_space(scene, pose, none, imaging, width, views, SHARES)
 
     return jax.vmap(jax.vmap(one))(poses)
+
+
+@eqx.filter_jit
+def _rays_of(imaging: Imaging, places: Float[Array, "*batch 2"]) -> Float[Array, "*batch 2"]:
+    return imaging.ray(places)
 
 
 @eqx.filter_jit
