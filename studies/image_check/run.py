@@ -155,22 +155,19 @@ class Findings:
         angles = np.deg2rad(finger.poses)
         gamma = finger.captures[0].gamma
         where = {"finger": finger.number, "light": finger.light, "layers": finger.layers}
-        models = {MODELS[0]: self.sensor(finger.layers, finger.light)}
-        if finger.light == EVEN and finger.layers != "none":
-            models[MODELS[1]] = self.sensor(finger.layers, finger.light, air=True)
         noise = np.random.default_rng([seed, finger.number, 1]).standard_normal(angles.shape)
         labels = (angles + self._label * noise)[: self._spec.labelled]
-        for name, sensor in models.items():
-            sensor = sensor.with_response(gamma)
-            start = time.perf_counter()
-            sightings = [sensor.detect(photo.pixels) for photo in photos]
-            seconds = (time.perf_counter() - start) / len(photos)
-            if name == MODELS[0]:
-                unit = in_deviations(finger.errors, sensor.deviations)
-                self._add_views(where, finger, sensor, photos, sightings, unit, seconds)
-            else:
-                unit = None
-            self._add_angles(where | {"model": name}, sensor, sightings, angles, labels, unit)
+        sensor = self.sensor(finger.layers, finger.light).with_response(gamma)
+        start = time.perf_counter()
+        sightings = [sensor.detect(photo.pixels) for photo in photos]
+        seconds = (time.perf_counter() - start) / len(photos)
+        unit = in_deviations(finger.errors, sensor.deviations)
+        self._add_views(where, finger, sensor, photos, sightings, unit, seconds)
+        self._add_angles(where | {"model": MODELS[0]}, sensor, sightings, angles, labels, unit)
+        if finger.light == EVEN and finger.layers != "none":
+            # It takes the corners that the other has found, most of which it would not find itself.
+            air = self.sensor(finger.layers, finger.light, air=True)
+            self._add_angles(where | {"model": MODELS[1]}, air, sightings, angles, labels, None)
 
     def _add_views(
         self,

@@ -21,11 +21,11 @@ half a degree away, and far from it."""
 AWAY, HALF_WAY = 20.0, 10.0
 
 
-def tables(long: float, degrees: float) -> dict:
+def tables(long: float, lens: dict) -> dict:
     """Two pads that stay in a plane before the camera; a post before the lower one; one that moves.
 
     The line of sight to the lower pad's lower end passes 0.1 mm above the post; that pad is so
-    long, mm. The image is as large as its field of view in degrees.
+    long, mm.
     """
     low = AWAY * np.tan(np.radians(LOW_DEG))
     ends = {"upper": (5.0, AWAY * np.tan(np.radians(HIGH_DEG))), "lower": (low, low + long)}
@@ -41,21 +41,25 @@ def tables(long: float, degrees: float) -> dict:
         "camera": {
             "position": [0.0, 0.0],
             "direction_deg": 0.0,
-            "fov_deg": degrees,
-            "pixels": round(5.4 * degrees),
             "projection": "equidistant",
-        },
+        }
+        | lens,
         "pads": pads,
         "blockers": [post],
         "frames": {"tip": {"hinge": [30.0, 0.0], "angle": "dip"}},
     }
 
 
+PIXELS = 540
+NARROW, WIDE = ({"fov_deg": part * FIELD_DEG, "pixels": round(part * PIXELS)} for part in (1, 1.2))
+"""Two sizes of one image."""
+
+
 def catalog_made(
-    long: float = 8.0, layers: tuple = (), degrees: float = FIELD_DEG, **deviations: Array
+    long: float = 8.0, layers: tuple = (), lens: dict = NARROW, **deviations: Array
 ) -> ViewCatalog:
     """Of fingers with such errors only, and such layers on the upper pad."""
-    own = tables(long, degrees)
+    own = tables(long, lens)
     if layers:
         own["pads"][0]["layers"] = list(layers)
     scene = parse_scene(own, "two pads")
@@ -72,13 +76,26 @@ UP_AND_DOWN = jnp.array([0.0, 2 * 0.1 / 0.4])
 there by half as much."""
 
 
+TILT = jnp.asarray(np.radians(2 * (FIELD_DEG / 2 - HIGH_DEG)))
+"""Half of it brings the upper end to the end of the field of view."""
+
+
 def test_what_the_images_border_cuts_is_not_hidden():
-    # Half a standard deviation brings the upper end to the image's border.
-    tilt = jnp.asarray(np.radians(2 * (FIELD_DEG / 2 - HIGH_DEG)))
-    upper, lower, _ = catalog_made(tilt=tilt).families
+    upper, lower, _ = catalog_made(tilt=TILT).families
     assert upper.complete[0] == pytest.approx(NormalDist().cdf(0.5), abs=OF_33)
     assert (upper.unhidden[0], upper.ends[0].tolist()) == (1, [True, True])
     assert (lower.complete[0], lower.unhidden[0], lower.ends[0].all()) == (1, 1, True)
+
+
+def test_what_an_image_circle_within_the_image_cuts_is_hidden():
+    focal = 2.0
+    long = 1.2 * np.radians(FIELD_DEG) * focal
+    sensor = {"sensor_mm": [long, 0.75 * long], "pixels": [648, 486], "section_axis": "long"}
+    circle = np.radians(FIELD_DEG) * focal
+    lens = {"format": sensor, "focal_length": focal, "image_circle_mm": circle}
+    upper = catalog_made(lens=lens, tilt=TILT).families[0]
+    assert upper.complete[0] == pytest.approx(NormalDist().cdf(0.5), abs=OF_33)
+    assert (upper.unhidden[0], upper.ends[0].tolist()) == (upper.complete[0], [True, False])
 
 
 def test_what_is_behind_something_in_some_fingers_is_hidden_in_as_many():
@@ -115,10 +132,7 @@ def test_a_view_that_adjoins_one_through_a_clear_end_has_no_end(end):
 def test_what_corners_and_length_a_view_has_does_not_depend_on_where_the_image_ends():
     """The upper pad, behind a layer, is cut by the border of the smaller of two images."""
     plate = {"thickness": 3.0, "index": 1.49}
-    cut, whole = (
-        catalog_made(layers=(plate,), degrees=degrees).families[0]
-        for degrees in (FIELD_DEG, 1.2 * FIELD_DEG)
-    )
+    cut, whole = (catalog_made(layers=(plate,), lens=lens).families[0] for lens in (NARROW, WIDE))
     assert (cut.complete[0], whole.complete[0]) == (0, 1)
     np.testing.assert_allclose(cut.bend, whole.bend, atol=1e-9)
     np.testing.assert_allclose(cut.extent, whole.extent, atol=1e-9)

@@ -27,7 +27,7 @@ from optics.visibility.unfolding import paths_of
 from optics.visibility.views import Pieces, name_paths
 from perception.lengths import apparent_length
 from perception.lens import Lens
-from perception.matching import ViewCatalog, ViewFamily, rms_of_ends
+from perception.matching import BORDER, ViewCatalog, ViewFamily, rms_of_ends
 from perception.straightening import SHARES, find_straight_corners
 
 ANGLES = np.deg2rad(np.linspace(-2.0, 92.0, 95))
@@ -43,8 +43,8 @@ class PosedViews(NamedTuple):
     Attributes:
         corners: where they are imaged.
         seen: whether anything is seen.
-        ends: whether the view ends where the pad does, its bezel or layers, or the field of view,
-            at its first and at its second end.
+        ends: whether the view ends where the pad does, its bezel or layers, or the image, at its
+            first and at its second end.
         unhidden: whether one view reaches from one such end to the other.
         whole: whether it reaches from one end of the pad to the other.
     """
@@ -206,7 +206,9 @@ def find_posed_views(
     plain = eqx.tree_at(lambda scene: scene.camera.projection, scene, Equidistant())
     pieces: Pieces = jax.tree.map(np.asarray, _pieces_of(plain, jnp.asarray(poses)))
     first, second = is_own_end(pieces.start_label, 0), is_own_end(pieces.end_label, 1)
-    limits = LEFT_LIMIT, RIGHT_LIMIT
+    # A field of view that ends within the picture hides what is beyond it; its border does not.
+    border = imaging.camera.pixel(imaging.camera.field_of_view / 2) < BORDER
+    limits = (LEFT_LIMIT, RIGHT_LIMIT) if border else ()
     first_or_limit = first | np.isin(pieces.start_label, limits)
     second_or_limit = second | np.isin(pieces.end_label, limits)
     by_end_face = np.zeros_like(pieces.present) if pieces.face is None else pieces.face > 0
