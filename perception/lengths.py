@@ -127,6 +127,6 @@ def _ends(rays: Float[np.ndarray, "4 2"], width: float) -> Float[np.ndarray, "2 
 
 
 def apparent_length(rays: Float[np.ndarray, "4 2"], width: float) -> float:
-    """Length of a bare pad of a width whose corners, in the order of a `Quad`, have these rays."""
+    """Length of a bare pad whose corners, in the order of a `Quad` or of a pad, have these rays."""
     ends = _ends(rays, width)
     return float(np.hypot(*(ends[1] - ends[0])))

@@ -16,6 +16,9 @@ from perception.sides import POINTS, TRIMMED
 SHARES = np.linspace(TRIMMED, 1 - TRIMMED, POINTS)
 """Parts of the way along a side at which its edge is looked for."""
 
+PARALLEL = 1e-6
+"""Sine of the angle between sides below which they are parallel: those of a pad seen edge-on."""
+
 
 def find_straight_corners(
     sides: Float[np.ndarray, "4 points 2"], lens: Lens
@@ -51,5 +54,5 @@ def find_straight_corners(
     normals = np.stack([-ways[:, 1], ways[:, 0]], axis=-1)
     lines = np.column_stack([normals, -np.sum(normals * middles, axis=-1)])
     meeting = np.cross(np.roll(lines, 1, axis=0), lines)
-    scale = np.where(meeting[:, 2:] == 0, np.nan, meeting[:, 2:])
-    return lens.project(plane.rays(meeting[:, :2] / scale))
+    sine = np.where(np.abs(meeting[:, 2:]) < PARALLEL, np.nan, meeting[:, 2:])
+    return lens.project(plane.rays(meeting[:, :2] / sine))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
 from collections.abc import Sequence
@@ -19,6 +20,8 @@ from designopt.plot.figures import new_figure
 from designopt.study import plots
 from designopt.user_folders import cache_folder
 from optics import parse_scene
+from optics.scene.layers import CHANNELS
+from optics.visibility.corners_in_space import GREEN
 from optics.visibility.outlines import CORNERS
 from perception.matching import Sighting
 from perception.proprioception import (
@@ -45,6 +48,7 @@ from studies.image_check.cases import (
     with_lamps,
     without_layers,
 )
+from studies.models.sensor.estimators import Predictor
 from studies.models.sensor.finger_sensor import FingerSensor, deviations_of, in_section
 from studies.oracles.judge.engine import load_mitsuba
 from studies.oracles.judge.photograph import Photograph, photograph
@@ -165,7 +169,7 @@ class Findings:
         self._add_views(where, finger, sensor, photos, sightings, unit, seconds)
         self._add_angles(where | {"model": MODELS[0]}, sensor, sightings, angles, labels, unit)
         if finger.light == EVEN and finger.layers != "none":
-            # It takes the corners that the other has found, most of which it would not find itself.
+            # The model in air gets what was found with the layers: by itself it would find little.
             air = self.sensor(finger.layers, finger.light, air=True)
             self._add_angles(where | {"model": MODELS[1]}, air, sightings, angles, labels, None)
 
@@ -180,13 +184,18 @@ class Findings:
         seconds: float,
     ) -> None:
         self.shown.setdefault((finger.light, finger.layers), (photos[-1], sightings[-1]))
-        predict = eqx.filter_jit(sensor.model.predict)
+        assert isinstance(sensor.model.predict, Predictor)
+        predictions = [
+            eqx.filter_jit(dataclasses.replace(sensor.model.predict, channel=channel))
+            for channel in range(len(CHANNELS))
+        ]
         for number, (photo, sighting) in enumerate(zip(photos, sightings, strict=True)):
             pressed = bool(finger.captures[number].contacts)
             own = where | {"frame": number, "pressed": pressed}
             self.frames.add(**own, seconds=seconds)
-            outlines = np.asarray(predict(jnp.asarray(unit), jnp.deg2rad(finger.poses[number])))
-            for (pad, path), outline in zip(sensor.model.views, outlines, strict=True):
+            given = jnp.asarray(unit), jnp.deg2rad(finger.poses[number])
+            by_view = np.stack([predict(*given) for predict in predictions], axis=1)
+            for (pad, path), colors in zip(sensor.model.views, by_view, strict=True):
                 shown = next(
                     (s for s in photo.shown if (s.pad, s.path) == (pad, path.partition(":")[2])),
                     None,
@@ -198,17 +207,21 @@ class Findings:
                 flat = math.sin(sensor.catalog.grazing[pad])
                 whole = shown is not None and shown.whole and shown.grazing >= flat
                 quality = view.quality.name.lower() if view is not None else "none"
-                self.views.add(**of_view, whole=whole, complete=complete, quality=quality)
+                false = complete and shown is None
+                self.views.add(
+                    **of_view, whole=whole, complete=complete, false=false, quality=quality
+                )
                 if not complete or shown is None:
                     continue
                 order = [ENDS[corner] for corner in CORNERS]
-                judged = np.array(shown.corners)[order]
+                theirs = np.array(shown.channels)[:, order]
                 # Elsewhere the outline is not that of the flat membrane's corner: clear walls
                 # mirror the membrane, black ones hide it, and things pressed in lift it.
                 bare = np.array(shown.seen)[order] & (np.array(shown.lifted)[order] < FLAT)
                 bare &= "polished" not in finger.layers
                 assert view is not None
-                off = view.corners - np.where(bare[:, None], judged, outline)
+                away = np.hypot(*np.moveaxis(colors - theirs, -1, 0)).max(axis=0)
+                off = view.corners - np.where(bare[:, None], theirs[GREEN], colors[GREEN])
                 spread = np.linalg.inv(view.covariance + (FLOOR_PX**2 + CONSTANT**2) * np.eye(2))
                 stated = {(end, side): view.ends[end] for end, side in CORNERS}
                 self.corners.add(
@@ -216,7 +229,8 @@ class Findings:
                     error_px=np.hypot(*off.T),
                     deviations=np.sqrt(np.einsum("ci,cij,cj->c", off, spread, off)),
                     stated=[stated[corner] for corner in CORNERS],
-                    model_px=np.where(bare, np.hypot(*(outline - judged).T), np.nan),
+                    judged=bare,
+                    model_px=np.where(bare, away, np.nan),
                 )
 
     def _add_angles(
@@ -236,6 +250,8 @@ class Findings:
             pair = seen[number], sightings[number].angles
             found = find_pose(model, *pair, calibration.value.errors)
             ok, reasons = np.asarray(found.ok) & bool(calibration.ok), found.messages()
+            if not calibration.ok:
+                reasons = [reason or calibration.messages()[0] for reason in reasons]
             if unit is None:
                 # The answer of the model of before, whatever it warns of.
                 ok = np.array([reason != NOT_SEEN for reason in reasons])
@@ -279,8 +295,11 @@ def add_metrics(out: Report, found: Findings) -> None:
     )
     whole = views.where(whole=True)
     out.metrics(views=len(whole), views_found=whole.stat("share complete"))
+    out.metrics(views_false=int(views["false"].sum()))
     out.metrics(model_worst_px=corners.stat("max model_px"))
-    both = {"even": corners.where(light=EVEN), "lamps": corners.where(light=[GAP, COUPLED])}
+    out.metrics(corners=len(corners), corners_judged=corners.stat("share judged"))
+    judged = corners.where(judged=True)
+    both = {"even": judged.where(light=EVEN), "lamps": judged.where(light=[GAP, COUPLED])}
     for light, own in both.items():
         if len(own):
             out.metrics(
@@ -340,7 +359,7 @@ def add_tables(out: Report, found: Findings) -> None:
     out.table("views", whole.summary(*by, views="count complete", found="share complete"))
     errors = {"median_px": "median error_px", "p95_px": "p95 error_px", "worst_px": "max error_px"}
     count = {"corners": "count error_px"}
-    out.table("corners", found.corners.summary(*by, "pressed", **count, **errors))
+    out.table("corners", found.corners.summary(*by, "pressed", "judged", **count, **errors))
     angles = {"frames": "count error_deg", "defined": "defined error_deg"}
     angles |= {"mean_deg": "mean_abs error_deg", "p95_deg": "p95_abs error_deg"}
     angles |= {"rms_deg": "rms error_deg", "predicted_deg": "rms deviation_deg"}

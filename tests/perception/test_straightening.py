@@ -1,4 +1,4 @@
-"""Corners of outlines whose sides are straight in space, whose bow is known, that have none."""
+"""Corners of outlines: sides that are straight in space or bowed, outlines seen edge-on."""
 
 import numpy as np
 import pytest
@@ -40,5 +40,7 @@ def test_a_side_that_is_bowed_counts_where_it_is_on_average():
 
 
 def test_what_is_seen_edge_on_has_no_corners():
-    edge_on = np.array([(20.0 + across, up, 0.0) for up, across in SQUARE])
-    assert np.isnan(find_straight_corners(rays_of(sides_of(edge_on)), EYE.lens())).all()
+    along_section = [(20.0 + across, up, 0.0) for up, across in SQUARE]
+    across_it = [(20.0 + up, 0.4 * (20.0 + up), across) for up, across in SQUARE]
+    for corners in map(np.array, (along_section, across_it)):
+        assert np.isnan(find_straight_corners(rays_of(sides_of(corners)), EYE.lens())).all()

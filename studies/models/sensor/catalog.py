@@ -101,7 +101,7 @@ def catalog_of(
     possible, unhidden = shown > 0, 1 - hidden / np.maximum(shown, 1)
     always = np.all(together.ends, axis=0)
     spread = np.sqrt(np.mean(rms_of_ends(others.corners - own.corners) ** 2, axis=0))
-    # Not by the lens: its rays end at the border of the image.
+    # `Lens.rays` ends at the image's border; these do not.
     rays = np.asarray(_rays_of(imaging, jnp.asarray(together.corners)))
     bends = _bends(scene, imaging, lens, width, poses, own.corners)
     families = []
@@ -187,7 +187,7 @@ def _bends(
     rays = np.asarray(_rays_of(imaging, sides))
     rays = rays.reshape(-1, *rays.shape[-3:])
     straight = np.stack([find_straight_corners(one, lens) for one in rays])
-    # A pad seen edge-on has no corners; as a view it is too flat to count.
+    # Seen edge-on a pad has no corners; such a view is too flat to count.
     return np.nan_to_num(straight.reshape(corners.shape) - corners, nan=0.0)
 
 
@@ -206,9 +206,9 @@ def find_posed_views(
     plain = eqx.tree_at(lambda scene: scene.camera.projection, scene, Equidistant())
     pieces: Pieces = jax.tree.map(np.asarray, _pieces_of(plain, jnp.asarray(poses)))
     first, second = is_own_end(pieces.start_label, 0), is_own_end(pieces.end_label, 1)
-    # A field of view that ends within the picture hides what is beyond it; its border does not.
-    border = imaging.camera.pixel(imaging.camera.field_of_view / 2) < BORDER
-    limits = (LEFT_LIMIT, RIGHT_LIMIT) if border else ()
+    # What is beyond a field of view that ends within the image is hidden, not cut off by a border.
+    fills_image = imaging.camera.pixel(imaging.camera.field_of_view / 2) < BORDER
+    limits = (LEFT_LIMIT, RIGHT_LIMIT) if fills_image else ()
     first_or_limit = first | np.isin(pieces.start_label, limits)
     second_or_limit = second | np.isin(pieces.end_label, limits)
     by_end_face = np.zeros_like(pieces.present) if pieces.face is None else pieces.face > 0

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from optics import Fabrication, Imaging, Scene, find_corners_in_space, perturb, scale_errors
+from optics.visibility.corners_in_space import GREEN
 from optics.visibility.outlines import find_outlines
 from optics.visibility.unfolding import paths_of
 from optics.visibility.views import name_paths
@@ -75,6 +76,7 @@ class Predictor(eqx.Module):
         width: of the pads, mm.
         views: mirrors along the path, and index of the pad, of every view.
         carried: indices of the blockers that move with the camera.
+        channel: the color, by its index among `CHANNELS`.
     """
 
     scene: Scene
@@ -83,6 +85,7 @@ class Predictor(eqx.Module):
     width: Float[Array, ""]
     views: tuple[tuple[tuple[int, ...], int], ...] = eqx.field(static=True)
     carried: tuple[int, ...] = eqx.field(static=True)
+    channel: int = eqx.field(static=True, default=GREEN)
 
     def __call__(
         self, errors: Float[Array, " errors"], angles: Float[Array, " joints"]
@@ -92,7 +95,7 @@ class Predictor(eqx.Module):
         made = perturb(self.scene, fabrication, carried=self.carried)
         imaging = eqx.tree_at(lambda imaging: imaging.camera, self.imaging, made.camera)
         given = angles, fabrication, imaging, self.width, self.views
-        return find_corners_in_space(made, *given)
+        return find_corners_in_space(made, *given, channel=self.channel)
 
 
 def fit_joint_edges(
