@@ -16,11 +16,20 @@ from matplotlib.figure import Figure
 from designopt import Context, Records, Report, Results
 from designopt.solution import Solution
 from designopt.study import plots
-from optics import Fabrication, Pieces, Scene, find_coverage, find_views
+from optics import (
+    Fabrication,
+    Imaging,
+    Pieces,
+    Scene,
+    find_corners_in_space,
+    find_coverage,
+    find_views,
+)
 from optics.plot.scene_figures import poses_figure
 from optics.scene.fabrication import perturb, scale_errors
 from optics.scene.sold import fields_of_view
 from optics.visibility.sharpness import find_sharpness
+from optics.visibility.unfolding import paths_of
 from studies.layered_finger import LayeredFingerSpec
 from studies.layered_finger.cases import (
     ACRYLIC,
@@ -44,6 +53,9 @@ from studies.oracles.shadows import shadow_width
 
 OUTER = {"proximal": 0, "distal": 2}
 """The pads that are not wholly seen, and their places among all pads."""
+
+WIDTH = 24.0
+"""Of the pads across the section, as in paper B, mm."""
 
 ROUNDING_DEG = 1e-9
 """A posture may exceed the largest flexion by as much."""
@@ -118,7 +130,8 @@ class Measurements(NamedTuple):
         checks: coverage in the worst postures by brute force.
         redesigned: worst coverage with other mirrors.
         lenses: fields and coverage with a lens as it is sold.
-        made: worst coverage of fingers with errors of fabrication.
+        made: worst coverage of fingers with errors of fabrication, and the room beside
+            these pads in the image.
     """
 
     degrees: Float[np.ndarray, " angles"]
@@ -226,11 +239,15 @@ def fabricate(
         deviations = deviations_of(spec.tolerances, survey.scene)
         count = sum(leaf.size for leaf in jax.tree.leaves(deviations))
         draws = np.random.default_rng([seed, 4]).standard_normal((spec.made, count))
-        worst = np.asarray(find_worst(survey.scene, deviations, jnp.asarray(draws), flat))
-        for pad, index in OUTER.items():
+        given = survey.scene, deviations, jnp.asarray(draws), flat
+        worst = np.asarray(find_worst(*given))
+        imaging = Imaging.of(survey.scene.camera)
+        room = np.asarray(find_room(*given, imaging))
+        for place, (pad, index) in enumerate(OUTER.items()):
             own = worst[:, index]
             row = {"designed": survey.least(COARSE)[pad], "median": np.median(own)}
-            found.made.add(layers=name, pad=pad, **row, p5=np.percentile(own, 5))
+            row |= {"p5": np.percentile(own, 5), "room_p5_px": np.percentile(room[:, place], 5)}
+            found.made.add(layers=name, pad=pad, **row)
 
 
 @eqx.filter_jit
@@ -255,6 +272,58 @@ def find_worst(
         return jnp.min(find_coverage(made, poses).value, axis=0)
 
     return jax.lax.map(worst, draws)
+
+
+@eqx.filter_jit
+def find_room(
+    scene: Scene,
+    deviations: Fabrication,
+    draws: Float[Array, "draws errors"],
+    poses: Float[Array, "poses joints"],
+    imaging: Imaging,
+) -> Float[Array, "draws outer"]:
+    """Least distance of the outer pads from the left and the right end of the image, px.
+
+    Errors out of the section, which no coverage in it depends on, move pads towards these. What
+    counts is any corner between the image's upper and lower end of a view, direct or in the mirror
+    of the pad's own phalanx, that shows any of the pad in the section.
+
+    Args:
+        scene: as in `find_worst`.
+        deviations: likewise.
+        draws: likewise.
+        poses: likewise.
+        imaging: image of the camera as designed.
+    """
+    layout, carried = scene.layout, carried_by_camera(scene)
+    words = paths_of(layout, layout.bounces)
+    own = {
+        pad: [(), *((i,) for i, one in enumerate(layout.mirrors) if one.frame == surface.frame)]
+        for pad, surface in enumerate(layout.pads)
+        if pad in OUTER.values()
+    }
+    views = tuple((word, pad) for pad, those in own.items() for word in those)
+    paths = jnp.array([words.index(word) for word, _ in views])
+    pads = np.array([pad for _, pad in views])
+
+    def room(numbers: Float[Array, " errors"]) -> Float[Array, " outer"]:
+        errors = scale_errors(deviations, numbers)
+        made = perturb(scene, errors, carried=carried)
+        camera = eqx.tree_at(lambda one: one.camera, imaging, made.camera)
+
+        def corners(pose: Float[Array, " joints"]) -> Float[Array, "views 4 2"]:
+            return find_corners_in_space(made, pose, errors, camera, WIDTH, views)
+
+        column, row = jnp.moveaxis(jax.vmap(corners)(poses), -1, 0)
+        pieces = find_views(made, poses).value
+        on_path = pieces.path[:, pads] == paths[None, :, None]
+        shown = jnp.any(pieces.present[:, pads] & on_path, axis=-1)[..., None]
+        shown &= (row >= 0) & (row <= camera.rows - 1)
+        aside = jnp.minimum(column, camera.columns - 1 - column)
+        by_view = jnp.min(jnp.where(shown, aside, jnp.inf), axis=(0, 2))
+        return jnp.stack([jnp.min(by_view[pads == pad]) for pad in own])
+
+    return jax.lax.map(room, draws)
 
 
 def redesign(

@@ -13,7 +13,7 @@ import pytest
 
 from designopt import UserError
 from designopt.study.study import Context
-from optics import Fabrication, find_coverage, find_views, parse_scene
+from optics import Fabrication, Imaging, find_coverage, find_views, parse_scene
 from studies.layered_finger import LayeredFingerSpec
 from studies.layered_finger import run as study
 from studies.layered_finger.cases import (
@@ -250,6 +250,41 @@ def test_the_worst_of_a_finger_with_thicker_layers_is_what_rays_show():
         seen.append(oracle.coverage(plain, oracle.runs(plain, 1000)))
     np.testing.assert_allclose(found, np.min(seen, axis=0), atol=ROUNDING)
     assert float(nominal[0]) > float(found[0])
+
+
+def test_a_roll_of_the_camera_turns_pads_towards_the_sides_of_the_image():
+    scene, roll = CASES["none"].scene(FINGER), 0.3
+    errors = dataclasses.replace(Fabrication.none(scene.layout), roll=roll)
+    poses, imaging = jnp.deg2rad(jnp.array(POSES_DEG[:2])), Imaging.of(scene.camera)
+    others = sum(leaf.size for leaf in jax.tree.leaves(errors)) - 1
+    draws = jnp.array([[0.0] * (1 + others), [1.0] * (1 + others)])
+    found = study.find_room(scene, errors, draws, poses, imaging)
+    tables = plain_tables(scene)
+    eye = complex(*tables["camera"]["position"])
+    axis = np.exp(1j * np.radians(tables["camera"]["direction_deg"]))
+    half = np.radians(tables["camera"]["fov_deg"] / 2)
+    rows, columns = imaging.shape
+    room = np.full((2, 3), np.inf)
+    for pip, dip in POSES_DEG[:2]:
+        posed = posed_tables(tables, {"pip": pip, "dip": dip})
+        plain = read(posed)
+        for word, pad in {(run.word, run.pad) for run in oracle.runs(plain, 1000)}:
+            for end in ("from", "to"):
+                place = complex(*posed["pads"][pad][end])
+                for mirror in reversed(word):
+                    own = posed["mirrors"][mirror]
+                    place = image(place, (complex(*own["from"]), complex(*own["to"])))
+                ahead, aside = (place - eye) / axis, study.WIDTH / 2
+                angle = math.atan2(math.hypot(ahead.imag, aside), ahead.real)
+                corner = rows / 2 * angle / half * np.exp(1j * math.atan2(ahead.imag, aside))
+                # The corner at the other side is its mirror image, a roll of it that of a roll.
+                for row, turns in enumerate(([0.0], [roll, -roll])):
+                    for turned in corner * np.exp(1j * np.array(turns)):
+                        if abs(turned.imag) <= (rows - 1) / 2:
+                            least = (columns - 1) / 2 - abs(turned.real)
+                            room[row, pad] = min(room[row, pad], least)
+    np.testing.assert_allclose(found, room[:, [0, 2]], atol=1e-6)
+    assert np.all(found[1] < found[0] - 20)
 
 
 def test_it_needs_float64():
