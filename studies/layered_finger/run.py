@@ -22,7 +22,6 @@ from optics import (
     Pieces,
     Scene,
     find_corners_in_space,
-    find_coverage,
     find_views,
 )
 from optics.plot.scene_figures import poses_figure
@@ -240,9 +239,7 @@ def fabricate(
         count = sum(leaf.size for leaf in jax.tree.leaves(deviations))
         draws = np.random.default_rng([seed, 4]).standard_normal((spec.made, count))
         given = survey.scene, deviations, jnp.asarray(draws), flat
-        worst = np.asarray(find_worst(*given))
-        imaging = Imaging.of(survey.scene.camera)
-        room = np.asarray(find_room(*given, imaging))
+        worst, room = map(np.asarray, find_worst(*given, Imaging.of(survey.scene.camera)))
         for place, (pad, index) in enumerate(OUTER.items()):
             own = worst[:, index]
             row = {"designed": survey.least(COARSE)[pad], "median": np.median(own)}
@@ -256,57 +253,37 @@ def find_worst(
     deviations: Fabrication,
     draws: Float[Array, "draws errors"],
     poses: Float[Array, "poses joints"],
-) -> Float[Array, "draws pads"]:
-    """Worst coverage of every pad over poses, of fingers with drawn errors of fabrication.
+    imaging: Imaging,
+) -> tuple[Float[Array, "draws pads"], Float[Array, "draws outer"]]:
+    """What fingers with drawn errors of fabrication leave at worst over poses.
+
+    Errors out of the section, on which coverage in it does not depend, move pads towards the left
+    and the right end of the image. What counts there is every corner, between the image's upper and
+    lower end, of a view that shows any of the pad in the section, direct or in the mirror of the
+    pad's own phalanx.
 
     Args:
         scene: as designed.
         deviations: of the errors.
         draws: of standard normal numbers, one for every error.
         poses: joint angles, rad.
-    """
-    carried = carried_by_camera(scene)
-
-    def worst(numbers: Float[Array, " errors"]) -> Float[Array, " pads"]:
-        made = perturb(scene, scale_errors(deviations, numbers), carried=carried)
-        return jnp.min(find_coverage(made, poses).value, axis=0)
-
-    return jax.lax.map(worst, draws)
-
-
-@eqx.filter_jit
-def find_room(
-    scene: Scene,
-    deviations: Fabrication,
-    draws: Float[Array, "draws errors"],
-    poses: Float[Array, "poses joints"],
-    imaging: Imaging,
-) -> Float[Array, "draws outer"]:
-    """Least distance of the outer pads from the left and the right end of the image, px.
-
-    Errors out of the section, which no coverage in it depends on, move pads towards these. What
-    counts is any corner between the image's upper and lower end of a view, direct or in the mirror
-    of the pad's own phalanx, that shows any of the pad in the section.
-
-    Args:
-        scene: as in `find_worst`.
-        deviations: likewise.
-        draws: likewise.
-        poses: likewise.
         imaging: image of the camera as designed.
+
+    Returns:
+        Coverage of every pad, and how far the outer ones are from these ends of the image, px.
     """
     layout, carried = scene.layout, carried_by_camera(scene)
     words = paths_of(layout, layout.bounces)
-    own = {
-        pad: [(), *((i,) for i, one in enumerate(layout.mirrors) if one.frame == surface.frame)]
-        for pad, surface in enumerate(layout.pads)
-        if pad in OUTER.values()
-    }
-    views = tuple((word, pad) for pad, those in own.items() for word in those)
+    views = tuple(
+        (word, pad)
+        for pad in OUTER.values()
+        for word in words
+        if len(word) < 2 and all(layout.mirrors[i].frame == layout.pads[pad].frame for i in word)
+    )
     paths = jnp.array([words.index(word) for word, _ in views])
     pads = np.array([pad for _, pad in views])
 
-    def room(numbers: Float[Array, " errors"]) -> Float[Array, " outer"]:
+    def worst(numbers: Float[Array, " errors"]) -> tuple[Array, Array]:
         errors = scale_errors(deviations, numbers)
         made = perturb(scene, errors, carried=carried)
         camera = eqx.tree_at(lambda one: one.camera, imaging, made.camera)
@@ -320,10 +297,11 @@ def find_room(
         shown = jnp.any(pieces.present[:, pads] & on_path, axis=-1)[..., None]
         shown &= (row >= 0) & (row <= camera.rows - 1)
         aside = jnp.minimum(column, camera.columns - 1 - column)
-        by_view = jnp.min(jnp.where(shown, aside, jnp.inf), axis=(0, 2))
-        return jnp.stack([jnp.min(by_view[pads == pad]) for pad in own])
+        room = jnp.min(jnp.where(shown, aside, jnp.inf), axis=(0, 2))
+        outer = [jnp.min(room[pads == pad]) for pad in OUTER.values()]
+        return jnp.min(pieces.coverage(), axis=0), jnp.stack(outer)
 
-    return jax.lax.map(room, draws)
+    return jax.lax.map(worst, draws)
 
 
 def redesign(

@@ -236,9 +236,8 @@ def test_the_worst_of_a_finger_with_thicker_layers_is_what_rays_show():
     )
     count = sum(leaf.size for leaf in jax.tree.leaves(errors))
     poses = jnp.deg2rad(jnp.array(POSES_DEG[:2]))
-    nominal, found = study.find_worst(
-        scene, errors, jnp.stack([jnp.zeros(count), jnp.ones(count)]), poses
-    )
+    draws = jnp.stack([jnp.zeros(count), jnp.ones(count)])
+    (nominal, found), _ = study.find_worst(scene, errors, draws, poses, Imaging.of(scene.camera))
     tables = plain_tables(scene)
     for pad in tables["pads"]:
         for layer in pad["layers"]:
@@ -258,7 +257,7 @@ def test_a_roll_of_the_camera_turns_pads_towards_the_sides_of_the_image():
     poses, imaging = jnp.deg2rad(jnp.array(POSES_DEG[:2])), Imaging.of(scene.camera)
     others = sum(leaf.size for leaf in jax.tree.leaves(errors)) - 1
     draws = jnp.array([[0.0] * (1 + others), [1.0] * (1 + others)])
-    found = study.find_room(scene, errors, draws, poses, imaging)
+    _, found = study.find_worst(scene, errors, draws, poses, imaging)
     tables = plain_tables(scene)
     eye = complex(*tables["camera"]["position"])
     axis = np.exp(1j * np.radians(tables["camera"]["direction_deg"]))
