@@ -148,6 +148,8 @@ def deviations(
 ) -> Float[Array, " data"]:
     """What is left of every corner's column and row, in standard deviations."""
     off = model.predict(errors, angles) - jnp.asarray(seen.corners)
+    # A view that is not there may have no corners: not a number times no weight is not a number.
+    off = jnp.where(seen.used, off, 0.0)
     off += jnp.einsum("vcij,vcj->vci", jnp.asarray(seen.common), offsets)
     return jnp.einsum("vcij,vcj->vci", jnp.asarray(seen.whitening), off).reshape(-1)
 

@@ -22,6 +22,8 @@ from tests.perception.proprioception.toy import (
     ERRORS,
     JOINTS,
     LIMITS,
+    LOSING,
+    LOST,
     LOW,
     MADE,
     MODEL,
@@ -196,6 +198,21 @@ def test_what_nothing_is_seen_of_stays_as_it_was(deviation):
     np.testing.assert_allclose(covariance_of(found.value), np.eye(ERRORS), atol=1e-12)
     expected = np.nan_to_num(labels, nan=MIDDLE)
     np.testing.assert_allclose(found.value.angles, expected, atol=1e-12)
+
+
+def test_a_view_that_is_not_there_need_not_have_corners():
+    without = ((LOST,),) * FRAMES
+    seen = watched(MADE, np.random.default_rng(8), without)
+    found, same = (calibrate(model, seen, SPREAD_OUT, LABELS) for model in (LOSING, MODEL))
+    assert found.ok
+    np.testing.assert_array_equal(found.value.errors.mean, same.value.errors.mean)
+    np.testing.assert_array_equal(covariance_of(found.value), covariance_of(same.value))
+    one = frame(MADE, POSE, without=(LOST,)), POSE
+    bound, expected = (
+        compute_information_bound(model, MADE, one, (seen, SPREAD_OUT), LABELS)
+        for model in (LOSING, MODEL)
+    )
+    np.testing.assert_array_equal(bound.calibrated, expected.calibrated)
 
 
 def test_corners_that_are_no_numbers_are_no_calibration():

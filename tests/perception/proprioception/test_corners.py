@@ -25,6 +25,8 @@ from tests.perception.proprioception.toy import (
     ERRORS,
     FOCAL,
     LIMITS,
+    LOSING,
+    LOST,
     MADE,
     MODEL,
     NOISE,
@@ -196,6 +198,14 @@ def test_corners_that_are_no_numbers_give_no_angle():
     found = solved(off_by(frame(NONE, POSE, without=(2,)), (0, 0, 0), np.nan), POSE)
     assert codes_of(found) == ["unsolved", "not_seen"]
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(found))
+
+
+def test_a_view_that_is_not_there_need_not_have_corners():
+    seen = frame(MADE, POSE, generator=np.random.default_rng(3), without=(LOST,))
+    found, same = (find_pose(model, seen, POSE + 0.1) for model in (LOSING, MODEL))
+    assert codes_of(found) == ["successful"] * 2
+    np.testing.assert_array_equal(angles_of(found), angles_of(same))
+    np.testing.assert_array_equal(deviations_of(found), deviations_of(same))
 
 
 def test_a_model_without_a_derivative_gives_no_angle():

@@ -98,6 +98,12 @@ def straight(middle: np.ndarray, by_error: np.ndarray, by_angle: np.ndarray) -> 
 HINGED = hinged()
 MODEL = model_of(HINGED)
 
+LOST = 1
+"""A view that has no corners, where..."""
+
+LOSING = model_of(eqx.tree_at(lambda toy: toy.middle, HINGED, HINGED.middle.at[LOST].set(jnp.nan)))
+"""...the model has none for it either: they are no numbers."""
+
 _predicted = jax.jit(lambda errors, angles: HINGED(errors, angles))
 
 
