@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from optics.scene.layers import CHANNELS, BodyFace, EndKind
+from optics.scene.layers import GREEN, BodyFace, EndKind
 from optics.scene.scene import Scene
 
 Points = Float[np.ndarray, "_ 2"]
@@ -109,7 +109,7 @@ def stacks_of(scene: Scene, lines: Sequence[Points]) -> tuple[LayerSection | Non
     if scene.layers is None:
         return (None,) * len(layout.pads)
     first = len(lines) - len(layout.bodies)
-    index = np.asarray(scene.layers.index, float)[..., CHANNELS.index("green")]
+    index = np.asarray(scene.layers.index, float)[..., GREEN]
     overhang = np.asarray(scene.layers.overhang, float)
     bodies = list(zip(layout.bodies, lines[first:], strict=True))
     return tuple(

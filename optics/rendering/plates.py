@@ -18,15 +18,13 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from optics.rendering.ways import TINY, Coordinates
-from optics.scene.layers import CHANNELS
+from optics.scene.layers import CHANNELS, GREEN
 from optics.scene.scene import Scene
 from optics.visibility.refraction import profile_of, transmission
 from optics.visibility.second_images import SQUARE
 
 OUTWARD = (-1.0, 1.0)
 """Sense in which places grow beyond the first and the second end, or beside the pad."""
-
-GREEN = CHANNELS.index("green")
 
 LAMPS = ((GREEN, GREEN), (CHANNELS.index("blue"), CHANNELS.index("red")))
 """Colors of lamps at the pad's two ends, and beside it towards lesser and greater columns."""

@@ -11,10 +11,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from optics.rendering.limits import shown_beside, surfaces_of
-from optics.rendering.plates import GREEN
 from optics.rendering.ways import Leg, Rays
 from optics.scene.fabrication import Fabrication
 from optics.scene.imaging import Imaging
+from optics.scene.layers import GREEN
 from optics.scene.scene import Scene, place
 from optics.visibility.boundary_codes import is_own_end
 from optics.visibility.corners_in_space import (

@@ -32,13 +32,13 @@ from optics.rendering.pads import (
     make_pad_appearance,
     margin_beside,
 )
-from optics.rendering.plates import GREEN, LAMPS, Meeting, meet_bare, plates_of
+from optics.rendering.plates import LAMPS, Meeting, meet_bare, plates_of
 from optics.rendering.posed import Geometry, find_geometry, free_of
 from optics.rendering.ways import Rays, axes_of, legs_of, one_of
 from optics.scene.camera import Orthographic, Pinhole
 from optics.scene.fabrication import Fabrication, perturb
 from optics.scene.imaging import CENTER, RADII, Imaging
-from optics.scene.layers import CHANNELS
+from optics.scene.layers import CHANNELS, GREEN
 from optics.scene.scene import Scene
 from optics.visibility.boundary_codes import FIRST_PAD_END, SECOND_PAD_END
 from optics.visibility.corners_in_space import SpatialMirror, SpatialPad

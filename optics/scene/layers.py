@@ -23,6 +23,8 @@ EndKind = Literal["black", "clear", "painted", "lamp"]
 CHANNELS = ("red", "green", "blue")
 """Colors for which a layer has an index of refraction, in their order."""
 
+GREEN = CHANNELS.index("green")
+
 
 class LayerKinds(NamedTuple):
     """What the faces of a layer are: at the pad's first end, at its second, and beside it."""
@@ -100,7 +102,7 @@ class Layers(eqx.Module):
     @property
     def green(self) -> Float[Array, "pads layers"]:
         """The index of refraction for green light, by which views are found."""
-        return self.index[..., CHANNELS.index("green")]
+        return self.index[..., GREEN]
 
     def own(self, kinds: tuple[tuple[LayerKinds, ...], ...], bezels: tuple[bool, ...]) -> Layers:
         """The same with nothing in the place of layers and bezels that pads do not have.

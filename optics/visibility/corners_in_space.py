@@ -28,7 +28,7 @@ from designopt.numerics import safe_arctan2, safe_divide, safe_sqrt
 from designopt.vectors import Vector
 from optics.scene.fabrication import Fabrication
 from optics.scene.imaging import CENTER, Imaging
-from optics.scene.layers import CHANNELS, Layers
+from optics.scene.layers import GREEN, Layers
 from optics.scene.scene import Layout, Placed, Scene, place
 from optics.visibility.outline_edges import FAR, Box
 from optics.visibility.outlines import CORNERS, TOUCHING
@@ -39,8 +39,6 @@ Point = Float[Array, "3"]
 
 STEPS = 5
 """Newton steps from where rays would meet flat mirrors to where they meet bowed ones."""
-
-GREEN = CHANNELS.index("green")
 
 OUTWARD = np.array([-1.0, 1.0])
 """Sense in which places grow beyond the first and the second edge."""

@@ -16,14 +16,12 @@ from optics.scene.writer import scene_tables
 from studies.image_check import ImageCheckSpec
 from studies.models.finger_file import packaged_finger
 from studies.models.sensor.poses import spread_angles
+from studies.models.sensor.spec import WIDTH
 from studies.oracles.judge.capture import Capture
 from studies.oracles.judge.contacts import Contact
 from studies.oracles.judge.fabrication import sample_errors
 from studies.oracles.judge.solids import FOOT, TOP
 from studies.oracles.judge.solids import GAP as GAP_IN_AIR
-
-WIDTH = 24.0
-"""Of the pads, mm."""
 
 ACRYLIC = {"red": 1.489, "green": 1.493, "blue": 1.499}
 """Refractive indices at 630, 530 and 465 nm, by the dispersion of N. Sultanova et al., Acta Phys.

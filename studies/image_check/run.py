@@ -20,8 +20,7 @@ from designopt.plot.figures import new_figure
 from designopt.study import plots
 from designopt.user_folders import cache_folder
 from optics import parse_scene
-from optics.scene.layers import CHANNELS
-from optics.visibility.corners_in_space import GREEN
+from optics.scene.layers import CHANNELS, GREEN
 from optics.visibility.outlines import CORNERS
 from perception.matching import Sighting
 from perception.proprioception import (
@@ -39,7 +38,6 @@ from studies.image_check.cases import (
     COUPLED,
     EVEN,
     GAP,
-    WIDTH,
     Finger,
     fingers,
     in_deviations,
@@ -50,6 +48,7 @@ from studies.image_check.cases import (
 )
 from studies.models.sensor.estimators import Predictor
 from studies.models.sensor.finger_sensor import FingerSensor, deviations_of, in_section
+from studies.models.sensor.spec import WIDTH
 from studies.oracles.judge.engine import load_mitsuba
 from studies.oracles.judge.photograph import Photograph, photograph
 
@@ -223,12 +222,11 @@ class Findings:
                 away = np.hypot(*np.moveaxis(colors - theirs, -1, 0)).max(axis=0)
                 off = view.corners - np.where(bare[:, None], theirs[GREEN], colors[GREEN])
                 spread = np.linalg.inv(view.covariance + (FLOOR_PX**2 + CONSTANT**2) * np.eye(2))
-                stated = {(end, side): view.ends[end] for end, side in CORNERS}
                 self.corners.add(
                     **of_view,
                     error_px=np.hypot(*off.T),
                     deviations=np.sqrt(np.einsum("ci,cij,cj->c", off, spread, off)),
-                    stated=[stated[corner] for corner in CORNERS],
+                    stated=[view.ends[end] for end, _ in CORNERS],
                     judged=bare,
                     model_px=np.where(bare, away, np.nan),
                 )
@@ -374,7 +372,7 @@ def add_figures(out: Report, found: Findings) -> None:
     """Pictures with what was found in them, distributions of errors, predicted deviations."""
     out.figure("pictures", draw_pictures(found))
     names = {"error_px": "error of a corner (px)"}
-    drawn = found.corners.where(np.isfinite(found.corners["error_px"]))
+    drawn = found.corners.where(judged=True)
     out.figure("corners", plots.ecdf(drawn, "error_px", by="light", log="x", names=names))
     names = {"error_deg": "absolute error (°)"}
     rows = defined(found.angles)

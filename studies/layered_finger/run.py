@@ -16,14 +16,7 @@ from matplotlib.figure import Figure
 from designopt import Context, Records, Report, Results
 from designopt.solution import Solution
 from designopt.study import plots
-from optics import (
-    Fabrication,
-    Imaging,
-    Pieces,
-    Scene,
-    find_corners_in_space,
-    find_views,
-)
+from optics import Fabrication, Imaging, Pieces, Scene, find_corners_in_space, find_views
 from optics.plot.scene_figures import poses_figure
 from optics.scene.fabrication import perturb, scale_errors
 from optics.scene.sold import fields_of_view
@@ -46,15 +39,13 @@ from studies.layered_finger.strips import ends_of, lost_strips
 from studies.models.finger import PHALANGES, Finger
 from studies.models.finger_file import packaged_finger
 from studies.models.sensor.finger_sensor import carried_by_camera, deviations_of
+from studies.models.sensor.spec import WIDTH
 from studies.oracles import layers as oracle
 from studies.oracles.layered_scenes import read
 from studies.oracles.shadows import shadow_width
 
 OUTER = {"proximal": 0, "distal": 2}
 """The pads that are not wholly seen, and their places among all pads."""
-
-WIDTH = 24.0
-"""Of the pads across the section, as in paper B, mm."""
 
 ROUNDING_DEG = 1e-9
 """A posture may exceed the largest flexion by as much."""

@@ -30,6 +30,7 @@ from studies.layered_finger.strips import layers_of, lost_strips, upper_edge
 from studies.models.finger_file import packaged_finger
 from studies.models.mirror_design.placement import free_part
 from studies.models.mirror_design.seeing import together
+from studies.models.sensor.spec import WIDTH
 from studies.oracles import layers as oracle
 from studies.oracles.layered_scenes import read
 from studies.oracles.scenes import rounded
@@ -255,8 +256,8 @@ def test_a_roll_of_the_camera_turns_pads_towards_the_sides_of_the_image():
     scene, roll = CASES["none"].scene(FINGER), 0.3
     errors = dataclasses.replace(Fabrication.none(scene.layout), roll=roll)
     poses, imaging = jnp.deg2rad(jnp.array(POSES_DEG[:2])), Imaging.of(scene.camera)
-    others = sum(leaf.size for leaf in jax.tree.leaves(errors)) - 1
-    draws = jnp.array([[0.0] * (1 + others), [1.0] * (1 + others)])
+    count = sum(leaf.size for leaf in jax.tree.leaves(errors))
+    draws = jnp.stack([jnp.zeros(count), jnp.ones(count)])
     _, found = study.find_worst(scene, errors, draws, poses, imaging)
     tables = plain_tables(scene)
     eye = complex(*tables["camera"]["position"])
@@ -273,7 +274,7 @@ def test_a_roll_of_the_camera_turns_pads_towards_the_sides_of_the_image():
                 for mirror in reversed(word):
                     own = posed["mirrors"][mirror]
                     place = image(place, (complex(*own["from"]), complex(*own["to"])))
-                ahead, aside = (place - eye) / axis, study.WIDTH / 2
+                ahead, aside = (place - eye) / axis, WIDTH / 2
                 angle = math.atan2(math.hypot(ahead.imag, aside), ahead.real)
                 corner = rows / 2 * angle / half * np.exp(1j * math.atan2(ahead.imag, aside))
                 # The corner at the other side is its mirror image, a roll of it that of a roll.

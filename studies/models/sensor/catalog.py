@@ -256,9 +256,7 @@ def _sides_of(
     return jax.vmap(jax.vmap(one))(poses)
 
 
-@eqx.filter_jit
-def _rays_of(imaging: Imaging, places: Float[Array, "*batch 2"]) -> Float[Array, "*batch 2"]:
-    return imaging.ray(places)
+_rays_of = eqx.filter_jit(Imaging.ray)
 
 
 @eqx.filter_jit

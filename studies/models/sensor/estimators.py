@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from optics import Fabrication, Imaging, Scene, find_corners_in_space, perturb, scale_errors
-from optics.visibility.corners_in_space import GREEN
+from optics.scene.layers import GREEN
 from optics.visibility.outlines import find_outlines
 from optics.visibility.unfolding import paths_of
 from optics.visibility.views import name_paths

@@ -13,6 +13,9 @@ from studies.models.mirror_design.spec import Error, Length, ToleranceSpec
 LEAST_ROWS, MOST_ROWS = 200, 4000
 """Heights of images that can be analysed, px."""
 
+WIDTH = 24.0
+"""Of the pads across the section, as in paper B, mm."""
+
 Rows = Annotated[int, Field(ge=LEAST_ROWS, le=MOST_ROWS)]
 
 
@@ -44,7 +47,7 @@ class FingerImagesSpec(Spec):
     """What is rendered."""
 
     scene: str = setting("", "file of the finger, or of its scene; the packaged finger by default")
-    width: Length = setting(24.0, "of the pads, as in paper B (mm)")
+    width: Length = setting(WIDTH, "of the pads, as in paper B (mm)")
     severity: float = setting(
         1.0, "of light, blur, noise, rough edges: 0 none, 1 good, 2 poor", ge=0, le=2
     )

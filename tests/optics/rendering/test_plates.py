@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from optics import parse_scene
-from optics.rendering.plates import GREEN, LAMPS, Meeting, Plates, plates_of
+from optics.rendering.plates import LAMPS, Meeting, Plates, plates_of
+from optics.scene.layers import GREEN
 from studies.oracles.layer_box import NONE, Block, follow
 from studies.oracles.layers import Layer, Pad
 
