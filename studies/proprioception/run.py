@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from designopt import Context, PrecisionRow, Records, Report, Results
-from designopt.plot.figures import PALETTE, angle_ticks, new_figure
+from designopt.plot.figures import PALETTE, angle_ticks, label_plainly, new_figure
 from designopt.plot.typesetting import drawn_name
 from designopt.study import plots
 from optics.scene.fabrication import name_fabrication_errors
@@ -34,6 +34,9 @@ AT_SIZE = """{size}: all corners {ours.error:.2f}° in {ours_ms:.0f} ms a frame,
 is one, {other.error:.2f}° in {other_ms:.0f} ms."""
 
 BIN_DEG = 10.0
+
+LEAST_DEG = 1e-3
+"""Smaller errors are drawn there."""
 
 Fingers = Sequence[tuple[FingerFrames, by.FingerEstimates]]
 
@@ -251,10 +254,11 @@ def add_figures(
     name = {"error_deg": "error, labelled calibration (°)"}
     drawing = over_range(both, by="series", stat="rms", names=name)
     for axes, own in zip(drawing.axes, labelled.group("joint").values(), strict=True):
-        sizes = np.maximum(np.abs(own["error_deg"]), 1e-3)
+        sizes = np.maximum(np.abs(own["error_deg"]), LEAST_DEG)
         dots = {"color": "0.6", "markersize": 3, "zorder": 1, "label": "one frame"}
         axes.plot(own["angle_deg"], sizes, ".", **dots)
-        axes.autoscale(axis="y")  # not of the lines alone
+        axes.set_ylim(LEAST_DEG / 1.5, 1.5 * np.max(np.abs(labelled["error_deg"])))
+        label_plainly(axes.yaxis)
     out.figure("bound", drawing)
     out.figure("covariance", plots.qq(usual, "error_deg", "deviation_deg", by="method"))
 
