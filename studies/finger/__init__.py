@@ -10,21 +10,15 @@ from designopt.io.spec import Spec
 from designopt.study.settings import setting
 from designopt.study.study import Study, lazily
 from studies.models.body import BodySpec
-from studies.models.linkage_design.spec import FingerLinkageSpec, LinkageSpec
+from studies.models.linkage_design.spec import FingerLinkageSpec, LinkageSpec, SpringSpec
 from studies.models.mirror_design.spec import FingerMirrorsSpec, MirrorSpec
 
-Stiffness = Annotated[float, Field(ge=1e-6, le=1e6)]
 Diameter = Annotated[float, Field(ge=1, le=500)]
 
 
-class SpringSpec(Spec):
-    """What closes the finger and what keeps it straight."""
+class ClosingSpec(SpringSpec):
+    """What closes the finger, what keeps it straight, and what it closes on."""
 
-    stiffness: Stiffness = setting(
-        30.0, "torsion spring between distal phalanx and plate (N mm/rad)"
-    )
-    preload: float = setting(0.3, "how far it is wound in the straight finger (rad)", ge=0, le=3)
-    servo: Stiffness = setting(300.0, "stiffness of the motor (N mm/rad)")
     diameters: list[Diameter] = setting(
         [20.0, 40.0, 60.0], "circles to close on (mm)", min_length=1
     )
@@ -39,7 +33,7 @@ class FingerSpec(Spec):
     body: BodySpec = setting(BodySpec(), "the phalanges", free=True)
     linkage: LinkageSpec = setting(LinkageSpec(), "requirements and search", free=True)
     mirrors: MirrorSpec = setting(MirrorSpec(), "requirements and search", free=True)
-    spring: SpringSpec = setting(SpringSpec(), "spring, motor and circles", free=True)
+    spring: ClosingSpec = setting(ClosingSpec(), "spring, motor and circles", free=True)
     yield_draws: int = setting(
         1000, "random draws of the errors of assembly", free=True, ge=10, le=100_000
     )
@@ -54,9 +48,9 @@ class FingerSpec(Spec):
 
     def linkage_spec(self) -> FingerLinkageSpec:
         """The settings of the linkage's own study for this body."""
-        return FingerLinkageSpec.model_validate(
-            self.linkage.model_dump() | {"body": self.body.model_dump(), "precision": False}
-        )
+        spring = self.spring.model_dump(include=set(SpringSpec.model_fields))
+        given = {"body": self.body.model_dump(), "spring": spring, "precision": False}
+        return FingerLinkageSpec.model_validate(self.linkage.model_dump() | given)
 
 
 STUDY = Study(

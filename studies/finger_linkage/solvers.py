@@ -18,8 +18,7 @@ from designopt.optimize import (
 from designopt.study.plots import lines
 from designopt.study.records import Records
 from designopt.study.report import Report
-from studies.models.linkage_design.problem import grid
-from studies.models.linkage_design.searching import Search, least_angles_deg, minimizer, over
+from studies.models.linkage_design.searching import Search, least_angles_deg, minimizer
 from studies.models.linkage_design.spec import FingerLinkageSpec
 from studies.models.single_runs import single_runs
 
@@ -57,8 +56,7 @@ def compare(spec: FingerLinkageSpec, found: Search, seed: int) -> tuple[Records,
         Columns ``method``, ``setting``, ``least_deg``, ``violation``, ``seconds`` without compiling
         and ``compile_seconds``, the study's own solve first; and how differential evolution went.
     """
-    flexion = grid(found.finger.body, spec.search.step_deg)
-    problem = over(found.finger, spec, flexion, flexion)
+    problem = found.rounds[0].problem
     starts, runs = found.starts, Records()
     every = make_epigraph_starts(problem, starts.parameters)
 

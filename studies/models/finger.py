@@ -25,6 +25,7 @@ from kinematics.model.topology import BodyPart, InputPart, Structure
 from optics.scene.camera import Camera, Equidistant
 from optics.scene.scene import WORLD, Frame, Layout, Scene, Surface
 from studies.models.body import BodyTable
+from studies.models.links import Links
 from studies.models.pins import Pins, pin_name
 
 Drive = Literal["joints", "crank"]
@@ -108,6 +109,24 @@ class FingerSpring(eqx.Module):
         return jnp.sqrt(self.stiffness * self.servo)
 
 
+class FingerMotor(eqx.Module):
+    """The motor, which turns the crank through a parallelogram.
+
+    Its driver M-N is parallel to F-K of the crank, and the coupler N-K to M-F.
+
+    Attributes:
+        behind: of its axis M behind the rear end of the proximal phalanx, mm.
+        above: of its axis over that of the crank, F, mm.
+    """
+
+    behind: Number = eqx.field(converter=as_float)
+    above: Number = eqx.field(converter=as_float)
+
+    def axis(self, body: Body, pins: Pins) -> Float[Array, "2"]:
+        """Place of its axis M, mm."""
+        return jnp.stack([-body.proximal - self.behind, pins.F[..., 1] + self.above])
+
+
 class FingerCamera(eqx.Module):
     """The camera in the intermediate phalanx; its lens is equidistant.
 
@@ -169,6 +188,9 @@ class Finger(eqx.Module):
         spring: ``None`` where the finger has none.
         camera: ``None`` where the finger sees nothing.
         mirrors: in order.
+        links: widths and layers of the linkage's links; ``None`` where they are lines.
+        motor: and the parallelogram through which it turns the crank; ``None`` where the motor
+            turns the crank itself.
         name: in titles and file names.
         assembly: one sign per closed-form group of the linkage, driven at its joints and by its
             crank; ``None`` without pins.
@@ -179,6 +201,8 @@ class Finger(eqx.Module):
     spring: FingerSpring | None
     camera: FingerCamera | None
     mirrors: tuple[FingerMirror, ...]
+    links: Links | None
+    motor: FingerMotor | None
     name: str = eqx.field(static=True)
     assembly: tuple[tuple[int, ...], tuple[int, ...]] | None = eqx.field(static=True)
 
@@ -190,25 +214,35 @@ class Finger(eqx.Module):
         spring: FingerSpring | None = None,
         camera: FingerCamera | None = None,
         mirrors: Sequence[FingerMirror] = (),
+        links: Links | None = None,
+        motor: FingerMotor | None = None,
         *,
         name: str = "finger",
     ) -> Finger:
         """A finger from its parts; the pins, plain numbers, choose how it is assembled."""
         assembly = None
+        if pins is not None and (motor is None) != (pins.K is None):
+            raise UserError(
+                f"{name}: the motor's parallelogram has pin K on the crank and its axis in "
+                "[motor]; give both or neither"
+            )
         if pins is not None:
-            places = {joint: np.asarray(at, float) for joint, at in _joints(body, pins).items()}
+            joints = _joints(body, pins, motor)
+            places = {joint: np.asarray(at, float) for joint, at in joints.items()}
             by_joints, by_crank = (
-                assembly_signs(_structure(drive, springs=False), places) for drive in DRIVES
+                assembly_signs(_structure(drive, springs=False, driven=motor is not None), places)
+                for drive in DRIVES
             )
             assembly = by_joints, by_crank
-        return cls(body, pins, spring, camera, tuple(mirrors), name, assembly)
+        return cls(body, pins, spring, camera, tuple(mirrors), links, motor, name, assembly)
 
     def with_pins(self, pins: Pins) -> Finger:
         """The same finger with other pins, plain numbers, assembled as they stand.
 
         In traced code, ``dataclasses.replace(finger, pins=pins)`` keeps how it is assembled.
         """
-        return Finger.of(self.body, pins, self.spring, self.camera, self.mirrors, name=self.name)
+        parts = self.spring, self.camera, self.mirrors, self.links, self.motor
+        return Finger.of(self.body, pins, *parts, name=self.name)
 
     def linkage(self, drive: Drive = "joints") -> Linkage:
         """The linkage in the frame of the proximal phalanx; flexion is negative there.
@@ -242,7 +276,17 @@ class Finger(eqx.Module):
         springs: tuple[LinkageSpring, ...] = ()
         if drive == "crank" and self.spring is not None:
             springs = (LinkageSpring(self.spring.stiffness, self.spring.preload),)
-        return _structure(drive, springs=bool(springs)), _joints(self.body, pins), springs
+        structure = _structure(drive, springs=bool(springs), driven=self.motor is not None)
+        return structure, _joints(self.body, pins, self.motor), springs
+
+    def joined(self) -> dict[str, list[str]]:
+        """The bodies that every pin joins, by its name; H is paper B's G'."""
+        structure = _structure("joints", springs=False, driven=self.motor is not None)
+        bodies: dict[str, list[str]] = {}
+        for part in structure.bodies:
+            for joint in part.joints:
+                bodies.setdefault("H" if joint == pin_name("H") else joint, []).append(part.name)
+        return {joint: names for joint, names in bodies.items() if len(names) > 1}
 
     def pads(self) -> Float[Array, "3 2 2"]:
         """Ends of the pads of the proximal, intermediate and distal phalanx, mm."""
@@ -322,6 +366,15 @@ def pins_of(finger: Finger) -> Pins:
     return _present(finger, finger.pins, "linkage", "pins")
 
 
+def links_of(finger: Finger) -> Links:
+    """Widths and layers of the finger's links.
+
+    Raises:
+        UserError: it has none.
+    """
+    return _present(finger, finger.links, "widths of its links", "links")
+
+
 def spring_of(finger: Finger) -> FingerSpring:
     """The finger's spring.
 
@@ -350,7 +403,7 @@ def _line(start: Sequence[Number], end: Sequence[Number]) -> Float[Array, "2 2"]
     return jnp.stack([jnp.stack(list(start)), jnp.stack(list(end))])
 
 
-def _joints(body: Body, pins: Pins) -> dict[str, Float[Array, "2"]]:
+def _joints(body: Body, pins: Pins, motor: FingerMotor | None) -> dict[str, Float[Array, "2"]]:
     """Every joint of the linkage in the straight finger, by its name in files."""
     zero = jnp.zeros_like(body.intermediate)
     along = {
@@ -360,11 +413,16 @@ def _joints(body: Body, pins: Pins) -> dict[str, Float[Array, "2"]]:
         "T": body.intermediate + body.distal,
     }
     axes = {name: jnp.stack([x, zero]) for name, x in along.items()}
-    return axes | {pin_name(name): getattr(pins, name) for name in "FEDCGH"}
+    joints = axes | {pin_name(name): getattr(pins, name) for name in pins.names}
+    if motor is not None:
+        assert pins.K is not None  # as `Finger.of` refuses a motor without it
+        axis = motor.axis(body, pins)
+        joints |= {"M": axis, "N": axis + pins.K - pins.F}
+    return joints
 
 
 @functools.cache
-def _structure(drive: Drive, *, springs: bool) -> Structure:
+def _structure(drive: Drive, *, springs: bool, driven: bool) -> Structure:
     inputs = {
         "joints": (
             InputPart("pip", "intermediate", None, "proximal"),
@@ -381,9 +439,15 @@ def _structure(drive: Drive, *, springs: bool) -> Structure:
         "crank": ("F", "E"),
         "bar": ("G", pin_name("H")),
     }
+    pins = "FEDCGH"
+    if driven:
+        bodies["proximal"] += ("M",)
+        bodies["crank"] += ("K",)
+        bodies |= {"driver": ("M", "N"), "coupler": ("N", "K")}
+        pins += "KMN"
     return Structure(
         name="finger" if drive == "joints" else "finger, driven by its crank",
-        joints=("O", "A", "B", "T", *(pin_name(name) for name in "FEDCGH")),
+        joints=("O", "A", "B", "T", *(pin_name(name) for name in pins)),
         bodies=tuple(BodyPart(name, at, name == "proximal") for name, at in bodies.items()),
         sliders=(),
         inputs=inputs[drive],

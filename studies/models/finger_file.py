@@ -26,7 +26,15 @@ from designopt.progress import step_display
 from kinematics.io.designed import DesignedLinkage
 from optics.scene.designed import DesignedScene
 from studies.models.body import BodyTable
-from studies.models.finger import Body, Finger, FingerCamera, FingerMirror, FingerSpring
+from studies.models.finger import (
+    Body,
+    Finger,
+    FingerCamera,
+    FingerMirror,
+    FingerMotor,
+    FingerSpring,
+)
+from studies.models.links import Links, LinksTable
 from studies.models.pins import Pins, pin_name
 
 SAME = 1e-6
@@ -57,6 +65,7 @@ class PinsTable(Spec):
     C: Point
     G: Point
     H: Point = Field(alias="G'")
+    K: Point | None = None
 
 
 class SpringTable(Spec):
@@ -65,6 +74,13 @@ class SpringTable(Spec):
     stiffness: Annotated[Number, Field(ge=0)]
     preload: Number
     servo: Annotated[Number, Field(gt=0)]
+
+
+class MotorTable(Spec):
+    """``[motor]``; see `FingerMotor`."""
+
+    behind: Length
+    above: Number
 
 
 class CameraTable(Spec):
@@ -94,6 +110,8 @@ class FingerFile(Spec):
     body: BodyTable
     pins: PinsTable | None = None
     spring: SpringTable | None = None
+    links: LinksTable | None = None
+    motor: MotorTable | None = None
     camera: CameraTable | None = None
     mirrors: tuple[MirrorTable, ...] = ()
 
@@ -180,6 +198,8 @@ def parse_finger(tables: dict[str, Any], source: str, name: str = "finger") -> F
         spring and FingerSpring(**spring.model_dump()),
         camera and FingerCamera.of(camera, camera.along, camera.depth, camera.tilt_deg),
         [FingerMirror(np.array([part.start, part.end]), part.phalanx) for part in file.mirrors],
+        file.links and Links.of(file.links),
+        file.motor and FingerMotor(**file.motor.model_dump()),
         name=file.finger.name or name,
     )
 
@@ -189,10 +209,17 @@ def finger_tables(finger: Finger) -> dict[str, Any]:
     head = {"name": finger.name, "format": FORMAT}
     tables: dict[str, Any] = {"finger": head, "body": _table_of(finger.body)}
     if finger.pins is not None:
-        places = {pin: np.asarray(getattr(finger.pins, pin)) for pin in "FEDCGH"}
+        places = {pin: np.asarray(getattr(finger.pins, pin)) for pin in finger.pins.names}
         tables["pins"] = {pin_name(pin): place.tolist() for pin, place in places.items()}
     if finger.spring is not None:
         tables["spring"] = _table_of(finger.spring)
+    if finger.links is not None:
+        thickness = np.asarray(finger.links.thickness).tolist()
+        layers = [list(parts) for parts in finger.links.layers]
+        numbers = _table_of(finger.links, "thickness", "layers")
+        tables["links"] = numbers | {"thickness": thickness, "layers": layers}
+    if finger.motor is not None:
+        tables["motor"] = _table_of(finger.motor)
     if finger.camera is not None:
         pixels = round(float(finger.camera.pixels))
         tables["camera"] = _table_of(finger.camera) | {"pixels": pixels}
@@ -204,9 +231,12 @@ def finger_tables(finger: Finger) -> dict[str, Any]:
     return tables
 
 
-def _table_of(part: Body | FingerSpring | FingerCamera) -> dict[str, float]:
-    """The numbers of a part of the finger by their keys in files."""
-    numbers = {field.name: float(getattr(part, field.name)) for field in fields(part)}
+def _table_of(
+    part: Body | FingerSpring | FingerCamera | FingerMotor | Links, *but: str
+) -> dict[str, float]:
+    """The numbers of a part of the finger by their keys in files, but for some fields."""
+    names = [field.name for field in fields(part) if field.name not in but]
+    numbers = {name: float(getattr(part, name)) for name in names}
     return {
         IN_DEGREES.get(name, name): degrees_of(value) if name in IN_DEGREES else value
         for name, value in numbers.items()

@@ -1,14 +1,18 @@
-"""Where the six pins of the linkage are in the straight finger."""
+"""Where the pins of the linkage are in the straight finger."""
 
 from __future__ import annotations
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from designopt.io.spec import Spec
 from designopt.numerics import as_float
 from designopt.vectors import Vector, vector
+
+
+def _float_or_none(place: ArrayLike | None) -> Array | None:
+    return None if place is None else as_float(place)
 
 
 class Pins(eqx.Module):
@@ -21,6 +25,7 @@ class Pins(eqx.Module):
         C: plate and distal phalanx.
         G: bar and intermediate phalanx.
         H: bar and plate.
+        K: crank and the coupler of the motor's parallelogram; ``None`` without one.
     """
 
     F: Float[Array, "*batch 2"] = eqx.field(converter=as_float)
@@ -29,15 +34,21 @@ class Pins(eqx.Module):
     C: Float[Array, "*batch 2"] = eqx.field(converter=as_float)
     G: Float[Array, "*batch 2"] = eqx.field(converter=as_float)
     H: Float[Array, "*batch 2"] = eqx.field(converter=as_float)
+    K: Float[Array, "*batch 2"] | None = eqx.field(default=None, converter=_float_or_none)
 
     @classmethod
     def of(cls, table: Spec) -> Pins:
         """Those of a file or of settings, whose keys are the pins' names."""
-        return cls(**{pin: np.array(place) for pin, place in table})
+        return cls(**{pin: np.array(place) for pin, place in table if place is not None})
+
+    @property
+    def names(self) -> str:
+        """Names of the pins that there are."""
+        return "FEDCGH" if self.K is None else "FEDCGHK"
 
     def places(self) -> dict[str, Vector]:
-        """The six places by the names of their pins."""
-        return {name: vector(getattr(self, name)) for name in "FEDCGH"}
+        """The places by the names of their pins."""
+        return {name: vector(getattr(self, name)) for name in self.names}
 
 
 def pin_name(pin: str) -> str:

@@ -10,27 +10,41 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from matplotlib.axes import Axes
+from scipy.spatial import ConvexHull
 
 from designopt.plot.figures import PALETTE
 from kinematics.model.linkage import Linkage
 from kinematics.solve.poses import solve_poses
 from studies.models.finger import Finger
+from studies.models.links import OUTLINES
 from studies.models.pins import pin_name
 
 BODY, VERMILION, GREEN, PINK, _, PAD, ORANGE = PALETTE
-LINKS = {
-    "crank": ("FE", VERMILION),
-    "rod": ("ED", ORANGE),
-    "plate": ("CDHC", GREEN),
-    "bar": ("GH", PINK),
+COLORS = {
+    "crank": VERMILION,
+    "rod": ORANGE,
+    "plate": GREEN,
+    "bar": PINK,
+    "driver": VERMILION,
+    "coupler": ORANGE,
 }
-"""The pins that a link's line passes, and its color."""
+"""Of the links; those of the motor's parallelogram have the colors of the linkage's own."""
+
+ROUND = np.exp(1j * np.linspace(0, 2 * np.pi, 48, endpoint=False))
 
 
 @jax.jit
 def _places(linkage: Linkage, inputs: Float[Array, "2"]) -> dict[str, Float[Array, "2"]]:
     pose = solve_poses(linkage, inputs).value
-    return {name: pose.position(pin_name(name)) for name in "ABCDEFGH"}
+    names = "ABCDEFGH" + ("KMN" if "M" in pose.joints else "")
+    return {name: pose.position(pin_name(name)) for name in names}
+
+
+def _outline(corners: Sequence[complex], radius: float) -> np.ndarray:
+    """The convex hull of circles about the corners, complex."""
+    points: Any = np.concatenate([corner + radius * ROUND for corner in corners])
+    hull = ConvexHull(np.stack([points.real, points.imag], axis=-1))
+    return points[hull.vertices]
 
 
 def draw_finger(
@@ -69,8 +83,16 @@ def draw_finger(
         look = {"facecolor": "0.95", "edgecolor": BODY, "linewidth": 1.0, "alpha": strength}
         axis.fill(outline.real, outline.imag, label="phalanges", **look)
         draw(at[origin] + turn * (pad + palmar), PAD, "pads", linewidth=2.5)
-    for name, (path, color) in LINKS.items():
-        draw([at[pin] for pin in path], color, name, linewidth=2.0)
+    radius = 0.0 if finger.links is None else float(finger.links.bar_width) / 2
+    for name, pins in OUTLINES.items():
+        corners, color = [at[pin] for pin in pins if pin in at], COLORS[name]
+        if len(corners) < 2:
+            continue
+        if radius > 0:
+            outline: Any = _outline(corners, radius)
+            look = {"facecolor": color, "edgecolor": color, "alpha": 0.35 * strength}
+            axis.fill(outline.real, outline.imag, label="_", **look)
+        draw([*corners, *corners[:1]], color, name, linewidth=1.0 if radius else 2.0)
     for host, pin in ("AF", "AG", "BC"):
         draw([at[host], at[pin]], BODY, "_", linewidth=1.0, linestyle=":")
     size = 4 if named else 2.5

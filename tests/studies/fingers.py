@@ -7,6 +7,7 @@ from pathlib import Path
 from studies.models import Body, Finger, FingerSpring, Pins
 from studies.models.body import BodySpec
 from studies.models.grasp.spec import PinsSpec
+from studies.models.links import Links, LinksTable
 from studies.models.mirror_design.placement import reference_layout
 from studies.models.mirror_design.spec import MirrorSpec
 
@@ -21,9 +22,9 @@ def reference_pins() -> Pins:
 
 
 def finger_of(pins: Pins | None = None, **body: float) -> Finger:
-    """A finger with spring, by default design B with its default body."""
-    made = Body.of(BodySpec(**body))
-    return Finger.of(made, pins or reference_pins(), FingerSpring(30.0, 0.3, 300.0))
+    """A finger with spring and links, by default design B with its default body; without motor."""
+    made, links = Body.of(BodySpec(**body)), Links.of(LinksTable())
+    return Finger.of(made, pins or reference_pins(), FingerSpring(30.0, 0.3, 300.0), links=links)
 
 
 def seeing_finger(**body: float) -> Finger:

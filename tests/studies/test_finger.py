@@ -9,8 +9,8 @@ from designopt.study.runner import run_study
 from designopt.study.study import Context
 from studies.finger import run as study
 from studies.models import Finger
-from studies.models.finger import pins_of
-from studies.models.linkage_design.analysis import LinkageDesign, sensor_room
+from studies.models.finger import links_of, pins_of
+from studies.models.linkage_design.analysis import LinkageDesign, layers_fit
 from studies.models.linkage_design.judging import judged
 from studies.models.linkage_design.searching import Round, Search, over
 from studies.models.linkage_design.spec import FingerLinkageSpec
@@ -34,8 +34,9 @@ def unsearched_linkage(spec: FingerLinkageSpec, seed: int) -> LinkageDesign:
     pins = pins_of(finger)
     first = Round(over(finger, spec, flexion, flexion), Optima((stopped_at(pins, 0.4),), 0, 0))
     found = Search(finger, Starts(pins, 0.0, 0.0), (first,))
-    verdict, room = judged(finger, spec.limits), sensor_room(spec.sensor)
-    return LinkageDesign(finger, found, verdict, room, least_angles(finger, 0.1, spec.draws, seed))
+    verdict = judged(finger, spec.limits, spec.motor)
+    width = layers_fit(spec.limits, links_of(finger))
+    return LinkageDesign(finger, found, verdict, width, least_angles(finger, 0.1, spec.draws, seed))
 
 
 def given_mirrors(finger: Finger, _: MirrorSpec, context: Context) -> MirrorDesign:

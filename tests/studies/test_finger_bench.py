@@ -29,7 +29,7 @@ def finger():
     return bench, values, figure.canvas
 
 
-MOVED = {"pip": 50.0, "dip": 35.0, "crank F-E": 21.5, "camera tilt": 5.0, "camera x": 12.0}
+MOVED = {"pip": 50.0, "dip": 35.0, "crank F-E": 17.5, "camera tilt": 5.0, "camera x": 12.0}
 
 
 def test_flexion_comes_first_and_the_body_has_no_knobs(finger):
@@ -122,7 +122,7 @@ def test_the_linkage_is_improved_before_camera_and_mirrors(finger, monkeypatch):
 
     def longer(given):
         assert (given["pip"], given["dip"]) == (20.0, values["dip"])
-        for length in (21.0, 21.5):
+        for length in (18.0, 17.5):
             yield Step({**given, "crank F-E": length}, f"crank {length:g}")
 
     def turned(given):
@@ -133,13 +133,13 @@ def test_the_linkage_is_improved_before_camera_and_mirrors(finger, monkeypatch):
     values = values | {"pip": 20.0}
     steps = list(bench.optimise(values))
     assert [step.message for step in steps] == [
-        "linkage: crank 21",
-        "linkage: crank 21.5",
+        "linkage: crank 18",
+        "linkage: crank 17.5",
         "camera and mirrors: turned",
     ]
     assert all(step.values.keys() == values.keys() for step in steps)
     last = steps[-1].values
-    assert (last["crank F-E"], last["camera tilt"]) == (21.5, 0.0)
+    assert (last["crank F-E"], last["camera tilt"]) == (17.5, 0.0)
     changed = [
         {k for k in one if one[k] != two[k]} for one, two in pairwise(s.values for s in steps)
     ]

@@ -18,28 +18,30 @@ from designopt.study.records import Records
 from designopt.study.report import Report
 from designopt.study.runner import run_study
 from studies.finger_linkage.solvers import add_comparison
-from studies.models.body import BodySpec
+from studies.models.finger_file import write_finger
 from studies.models.linkage_design import tables
-from studies.models.linkage_design.analysis import sensor_room
+from studies.models.linkage_design.analysis import layers_fit
+from studies.models.linkage_design.clearances import HOSTS
 from studies.models.linkage_design.figures import draw_sequences
 from studies.models.linkage_design.judging import judged
 from studies.models.linkage_design.postures import find_postures
-from studies.models.linkage_design.problem import (
-    HOSTS,
-    SYMBOLS,
-    grid,
-    inequalities,
-    linkage_problem,
-)
+from studies.models.linkage_design.problem import SYMBOLS, grid, inequalities, linkage_problem
 from studies.models.linkage_design.searching import least_angles_deg, over, rounded, search
-from studies.models.linkage_design.spec import FingerLinkageSpec, LimitsSpec, SearchSpec, SensorSpec
+from studies.models.linkage_design.spec import (
+    FingerLinkageSpec,
+    LimitsSpec,
+    MotorSpec,
+    SearchSpec,
+)
 from studies.models.linkage_design.tolerance import least_angles
+from studies.models.links import Links, LinksTable
 from studies.models.pins import Pins, pin_name
+from studies.oracles.clearances import polygon_clearances
 from studies.oracles.grasp import Setting, pin_places
 from tests.studies.fingers import finger_of, reference_pins
 from tests.studies.stopped import stopped_at
 
-REFERENCE, LIMITS = finger_of(), LimitsSpec()
+REFERENCE, LIMITS, MOTOR = finger_of(), LimitsSpec(crank_range_deg=150.0), MotorSpec()
 BODY = REFERENCE.body
 COARSE = grid(BODY, 15.0)
 OTHER = Pins(
@@ -135,7 +137,7 @@ def test_ratios_are_the_slopes_of_the_cranks_turn():
 
 def test_design_b_has_the_figures_of_the_independent_search():
     """φ₂/φ₁ from 0.23 to 0.46; ±0.1 mm on every coordinate leave 45.2 ± 0.7°."""
-    verdict = judged(REFERENCE, LIMITS)
+    verdict = judged(REFERENCE, LIMITS, MOTOR)
     assert abs(verdict.ratio.min() - 0.23) < 0.005
     assert abs(verdict.ratio.max() - 0.46) < 0.005
     least = least_angles(REFERENCE, 0.1, 600, 0)
@@ -153,7 +155,7 @@ def test_design_b_has_the_figures_of_the_independent_search():
 
 def mixed(pins):
     """Every number of the problem in one, each in its own way."""
-    problem = linkage_problem(REFERENCE, LIMITS, COARSE[::3], COARSE[::3])
+    problem = linkage_problem(REFERENCE, LIMITS, COARSE[::3], COARSE[::3], motor=MOTOR)
     terms, total = problem.terms(pins, *problem.data), jnp.zeros(())
     parts = [*(terms.least or {}).values(), *terms.inequalities.values()]
     for number, part in enumerate(parts):
@@ -178,7 +180,7 @@ def test_gradients_are_central_differences_and_finite_where_nothing_assembles():
 @pytest.mark.parametrize("kind", KINDS)
 def test_judgement_is_that_of_circles_that_meet(kind):
     pins = KINDS[kind]
-    verdict = judged(finger_of(pins), LIMITS)
+    verdict = judged(finger_of(pins), LIMITS, MOTOR)
     angles, crank, places = expected_of(kind)
     every = np.ix_(*[np.rint(np.rad2deg(COARSE)).astype(int)] * 2)
     for name, values in angles.items():
@@ -186,28 +188,38 @@ def test_judgement_is_that_of_circles_that_meet(kind):
     np.testing.assert_allclose(verdict.crank_deg[every], np.rad2deg(crank), atol=1e-9)
     checks = {check.name: check for check in verdict.checks}
     turns = np.exp(1j * COARSE)
-    for pin, host in HOSTS.items():
+    for pin in "FEDGHC":
+        host = HOSTS[pin]
         own = {
             "proximal": [at[pin] for at in places.values()],
             "intermediate": [at[pin] * turns[i] for (i, _), at in places.items()],
             "distal": [(at[pin] - at["B"]) * turns[i] * turns[j] for (i, j), at in places.items()],
         }[host]
-        sides = [np.imag(own) - float(BODY.palmar), float(BODY.dorsal) - np.imag(own)]
+        own = np.array(own)
+        # On the back it is the distance from the axes, round each where it lies beyond it.
+        start = -math.inf if host == "proximal" else 0.0
+        end = {"proximal": 0.0, "intermediate": 23.0}.get(host, math.inf)
+        heights = np.where(np.real(own) < start, np.abs(own), np.imag(own))
+        heights = np.where(np.real(own) > end, np.abs(own - end), heights)
+        sides = [np.imag(own) - float(BODY.palmar), float(BODY.dorsal) - heights]
         sides += [np.real(own) + float(BODY.proximal)] if host == "proximal" else []
         sides += [float(BODY.distal) - np.real(own)] if host == "distal" else []
         inside = checks[f"pin {pin_name(pin)} inside the {host} phalanx"].achieved
         # The judgement has postures in between.
         assert np.min(sides) - 0.1 < inside < np.min(sides) + 1e-9
     assert checks["|AF|"].achieved == pytest.approx(abs(complex(*np.asarray(pins.F))))
-    assert all(check.met for check in verdict.checks)
 
 
 def test_judgement_finds_what_is_not_met():
-    tight = LimitsSpec(clearance=2.5, crank_length=20.0, force_ratio=0.4, crank_range_deg=80.0)
-    unmet = {check.name for check in judged(REFERENCE, tight).checks if not check.met}
+    room = {"clearance": 2.5, "crank_length": 20.0, "force_ratio": 0.4, "crank_range_deg": 80.0}
+    forces = {"tip_force": 20.0, "safety": 10.0, "pinch_force": 1e3, "pinch_at": 8.0}
+    tight = LimitsSpec(**room, **forces, closing_s=0.1)
+    unmet = {check.name for check in judged(REFERENCE, tight, MOTOR).checks if not check.met}
     assert {"|EF|", "φ₂/φ₁", "range of the crank", "pin F inside the proximal phalanx"} <= unmet
+    assert {"force at the tip", "strength over stress in bars", "time to close"} <= unmet
+    assert "pinch held at 8 mm" in unmet
     # In a short finger the tip is the nearest side.
-    short = {check.name: check for check in judged(finger_of(distal=6.0), LIMITS).checks}
+    short = {check.name: check for check in judged(finger_of(distal=6.0), LIMITS, MOTOR).checks}
     tip = short["pin C inside the distal phalanx"].achieved
     assert tip == pytest.approx(23 + 6 - reference_pins().C[0])
 
@@ -216,9 +228,15 @@ def test_inequalities_and_judgement_agree():
     other, flexion = finger_of(OTHER), jnp.asarray(grid(BODY, 1.0))
     found = inequalities(other, postures(OTHER, flexion, flexion), LIMITS)
     worst = {name: float(jnp.min(values)) for name, values in found.items()}
-    assert set(worst) <= set(linkage_problem(other, LIMITS, COARSE, COARSE).requirements)
-    checks = {check.name: check for check in judged(other, LIMITS).checks}
-    assert min(worst.values()) >= 0
+    problem = linkage_problem(other, LIMITS, COARSE, COARSE, motor=MOTOR)
+    assert set(worst) <= set(problem.requirements)
+    checks = {check.name: check for check in judged(other, LIMITS, MOTOR).checks}
+    degrees = grid(BODY, 1.0)
+    fine = linkage_problem(other, LIMITS, degrees, degrees, motor=MOTOR)
+    between = jax.jit(fine.terms)(OTHER, *fine.data).inequalities
+    for name in ("crank from the PIP axle", "rod from the bar", "plate from the DIP axle"):
+        slack = 5 * float(jnp.min(between[name]))
+        assert slack == pytest.approx(checks[name].slack, abs=1e-9)
     assert worst["|EF|"] * 5 == pytest.approx(checks["|EF|"].slack)
     sides = [
         worst[f"pin E inside the {side}"] for side in ("palmar face", "dorsal face", "rear end")
@@ -226,12 +244,13 @@ def test_inequalities_and_judgement_agree():
     assert min(sides) * 5 == pytest.approx(checks["pin E inside the proximal phalanx"].slack)
 
 
-def test_room_for_the_sensor():
-    """The links' loops have six and four links, so that two layers are enough."""
-    room = sensor_room(SensorSpec(finger_width=34, pad_width=24, link_thickness=2))
-    assert room.achieved == 34 - 2 * 2 * 2
-    assert room.met
-    assert not sensor_room(SensorSpec(link_thickness=2.6)).met
+def test_the_layers_take_the_width_of_the_finger():
+    """Paper B: 34 mm, of which the pads take 24."""
+    thickness = [12.0, 1.4, 1.0, 1.0, 1.2]
+    width = layers_fit(LIMITS, Links.of(LinksTable(thickness=thickness)))
+    assert width.achieved == pytest.approx(2 * (sum(thickness) + 4 * 0.1))
+    assert width.met
+    assert not layers_fit(LIMITS, Links.of(LinksTable(play=0.2))).met
 
 
 @pytest.mark.parametrize(
@@ -275,7 +294,7 @@ def test_a_start_has_its_least_angle_and_not_the_level_it_was_left_at():
 def test_lengths_of_links():
     lengths = tables.lengths(REFERENCE).group("link", "pins")
     crank = math.hypot(-21.27 + 7.75, 14.06 + 2)
-    assert lengths["crank", "E-F"]["length_mm"] == pytest.approx(crank)
+    assert lengths["crank", "F-E"]["length_mm"] == pytest.approx(crank)
     assert len(lengths) == 10
 
 
@@ -293,23 +312,32 @@ def test_a_quick_search_beats_design_b(quick):
     pins = Pins(**{name: np.array(joints["G'" if name == "H" else name]) for name in "FEDCGH"})
     least = {metric.name: metric.value for metric in quick.metrics}["min_transmission_angle_deg"]
     assert_meets_requirements(pins, 25.0, None, least)
-    assert least > judged(REFERENCE, LIMITS).least_deg
+    assert least > 44
     (held,) = (table for table in quick.tables if table.name == "active")
     assert 0 < sum(row[-1] for row in held.rows) <= 1 + 1e-9
 
 
-ASKED = [(25.0, None, 49.0), (22.0, None, 46.5), (20.0, None, 42.5), (25.0, 0.412, 43.5)]
+ASKED = {
+    "nothing but room": ({"crank_range_deg": 150.0, "pinch_force": 0.0}, False, 46.5),
+    "the motor's parallelogram": ({"pinch_force": 0.0}, True, 45.8),
+}
+"""Limits, whether there is a parallelogram, and the least angle asked for, degrees. An independent
+search reached 46.7 and 46.11 with 3.2 mm to the faces."""
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize(("thickness", "ratio", "asked"), ASKED)
-def test_the_search_reaches_what_is_asked(thickness, ratio, asked):
-    body, limits = BodySpec(thickness=thickness), LimitsSpec(force_ratio=ratio)
-    found = search(FingerLinkageSpec(body=body, limits=limits), 0)
-    verdict = judged(found.finger, limits)
+@pytest.mark.parametrize(("given", "driven", "asked"), ASKED.values(), ids=ASKED)
+def test_the_search_reaches_what_is_asked(tmp_path, given, driven, asked):
+    spec = FingerLinkageSpec(limits=LimitsSpec(**given), motor=MotorSpec(parallelogram=driven))
+    found = search(spec, 0).finger
+    verdict = judged(found, spec.limits, spec.motor)
     assert all(check.met for check in verdict.checks)
     assert verdict.least_deg >= asked
-    assert_meets_requirements(found.finger.pins, thickness, ratio, verdict.least_deg)
+    assert_meets_requirements(found.pins, 25.0, None, verdict.least_deg)
+    write_finger(found, tmp_path / "finger.toml")
+    clear = polygon_clearances(tmp_path / "finger.toml")
+    assert clear.assembled.all()
+    assert min(clear.least_apart, clear.least_inside) >= spec.limits.clearance
 
 
 def assert_meets_requirements(pins, thickness, ratio, least_deg):
@@ -324,15 +352,15 @@ def assert_meets_requirements(pins, thickness, ratio, least_deg):
     row = [places[0, j] for j in range(len(flexion))]
     plate = [one["D"] - one["C"] for one in row] * np.exp(1j * flexion)
     assert len(set(np.sign(np.diff(np.unwrap(np.angle(plate)))))) == 1
-    low, high = -4 + 2, thickness - 4 - 2
+    low, high = -4 + 3.2, thickness - 4 - 3.2
     turns = np.exp(1j * flexion)
     # D and G' in the intermediate phalanx's frame; F, G and C do not move in theirs.
     moving = [at["E"] for at in places.values()]
     moving += [at[pin] * turns[i] for (i, _), at in places.items() for pin in "DH"]
     heights = np.imag([*moving, was["F"], was["G"], was["C"]])
     assert low <= heights.min() <= heights.max() <= high
-    assert min(place.real for place in (was["F"], *moving[: len(places)])) >= -35 + 2
-    assert was["C"].real <= 23 + 32 - 2
+    assert min(place.real for place in (was["F"], *moving[: len(places)])) >= -35 + 3.2
+    assert was["C"].real <= 23 + 32 - 3.2
     for pair in ("AF", "AG", "BG", "BC", "CD", "CH", "DH", "DE", "EF", "GH"):
         assert abs(was[pair[0]] - was[pair[1]]) >= 6
     assert abs(was["F"]) >= 8
@@ -347,9 +375,10 @@ def assert_meets_requirements(pins, thickness, ratio, least_deg):
 def test_requirements_that_conflict_are_named():
     """A crank no longer than 5 mm with pins 6 mm apart: half of what is missing goes to each."""
     how = SearchSpec(starts=4, among=4096, step_deg=30)
-    found = search(FingerLinkageSpec(limits=LimitsSpec(crank_length=5.0), search=how), 0)
+    spec = {"limits": LimitsSpec(crank_length=5.0), "motor": MotorSpec(parallelogram=False)}
+    found = search(FingerLinkageSpec(**spec, search=how), 0)
     assert not found.best.feasible
     assert not found.held_by()
     missing = (6.0 - 5.0 + 2 * how.allowance) / 2
-    conflict = {f"|EF| by {missing:.3g} mm", f"distance of pins E and F by {missing:.3g} mm"}
+    conflict = {f"|EF| by {missing:.3g} mm", f"distance of pins F and E by {missing:.3g} mm"}
     assert set(found.conflict()) == conflict

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import jax
@@ -10,13 +11,28 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.solution import Solution
+from designopt.vectors import fold_angle
 from kinematics.model.linkage import Linkage
 from kinematics.solve.poses import solve_poses
 from kinematics.solve.solver import Pose
-from studies.models.finger import Body, Finger
-from studies.models.linkage_design.problem import HOSTS, PAIRS, SYMBOLS, grid, pin_places, sides
-from studies.models.linkage_design.spec import LimitsSpec
+from studies.models.finger import Finger, links_of, pins_of
+from studies.models.linkage_design.clearances import HOSTS, faces_of, find_clearances
+from studies.models.linkage_design.forces import (
+    find_held_force,
+    find_pinch_forces,
+    find_stresses,
+)
+from studies.models.linkage_design.problem import (
+    MOTOR,
+    SYMBOLS,
+    from_faces,
+    grid,
+    pairs_on_links,
+    pin_places,
+)
+from studies.models.linkage_design.spec import LimitsSpec, MotorSpec
 from studies.models.linkage_design.transmission import finger_transmission
+from studies.models.links import find_meetings
 from studies.models.pins import pin_name
 
 STEP_DEG = 1.0
@@ -91,14 +107,15 @@ class Verdict:
         return float(np.ptp(self.crank_deg))
 
 
-def judged(finger: Finger, limits: LimitsSpec) -> Verdict:
+def judged(finger: Finger, limits: LimitsSpec, motor: MotorSpec) -> Verdict:
     """A design over the whole square of postures, every requirement with what it comes to.
 
     Args:
-        finger: its body and pins.
+        finger: its body, pins, links and spring.
         limits: what every posture must leave.
+        motor: what turns the crank.
     """
-    body, flexion = finger.body, grid(finger.body, STEP_DEG)
+    flexion = grid(finger.body, STEP_DEG)
     linkage = finger.linkage()
     square = np.stack(np.meshgrid(flexion, flexion, indexing="ij"), axis=-1)
 
@@ -114,8 +131,8 @@ def judged(finger: Finger, limits: LimitsSpec) -> Verdict:
     step = flexion[1] - flexion[0]
     rates = np.asarray(crank_rates(linkage, -jnp.asarray(square)))
     ratio = rates[..., 1] / rates[..., 0]
-    at = pin_places(finger)
-    apart = {(a, b): float(np.hypot(*(at[a] - at[b]))) for a, b in PAIRS}
+    at, pairs = pin_places(finger), pairs_on_links(pins_of(finger).names)
+    apart = {(a, b): float(np.hypot(*(at[a] - at[b]))) for a, b in pairs}
     checks = [
         Check("postures that assemble", square[..., 0].size, int(jnp.sum(poses.ok)), ""),
         Check("dyads from lock-up", limits.assembly, float(jnp.min(poses.margin))),
@@ -125,12 +142,18 @@ def judged(finger: Finger, limits: LimitsSpec) -> Verdict:
         Check("range of the crank", limits.crank_range_deg, crank_range, "°", False),
         *(
             Check(f"pins {pin_name(a)} and {pin_name(b)} apart", limits.spacing, apart[a, b])
-            for a, b in PAIRS
+            for a, b in pairs
         ),
         Check("|AF|", limits.crank_offset, apart["A", "F"]),
-        Check("|EF|", limits.crank_length, apart["E", "F"], at_least=False),
-        *_inside(pose, body, limits),
+        Check("|EF|", limits.crank_length, apart["F", "E"], at_least=False),
+        *_inside(finger, pose, limits),
+        *_clear(finger, pose, limits),
+        *_strong(finger, limits, motor, jnp.asarray(flexion)),
+        Check("time to close", limits.closing_s, crank_range / motor.speed_deg, "s", False),
     ]
+    if finger.motor is not None:
+        least = float(np.rad2deg(jnp.min(motor_angle(pose))))
+        checks.append(Check(MOTOR, limits.transmission_deg, least, "°"))
     if limits.force_ratio is not None:
         checks.append(Check("φ₂/φ₁", limits.force_ratio, float(np.max(ratio)), "", False))
     degrees = {SYMBOLS[name]: np.rad2deg(np.asarray(values)) for name, values in angles.items()}
@@ -166,14 +189,55 @@ def crank_rates(linkage: Linkage, inputs: Float[Array, "pip dip 2"]) -> Float[Ar
     return jax.vmap(jax.vmap(jax.jacfwd(turn)))(inputs)
 
 
-def _inside(pose: Pose, body: Body, limits: LimitsSpec) -> list[Check]:
-    checks = []
-    for name, host in HOSTS.items():
-        place = pose.joints[pin_name(name)]
+def motor_angle(pose: Pose) -> Float[Array, "*batch"]:
+    """Transmission angle of the motor's parallelogram, between coupler and crank, rad."""
+    at = pose.joints
+    return fold_angle(at["K"] - at["F"], at["N"] - at["K"])
+
+
+def _inside(finger: Finger, pose: Pose, limits: LimitsSpec) -> list[Check]:
+    checks, keep = [], float(from_faces(finger, limits))
+    for name in pins_of(finger).names:
+        host, place = HOSTS[name], pose.joints[pin_name(name)]
         if host != "proximal":  # whose body points from O to A, and is fixed
             origin = pose.joints["B" if host == "distal" else "A"]
             place = (place - origin).turned(pose.bodies[host].conjugate())
-        inside = min(float(jnp.min(side)) for side in sides(place, host, body).values())
-        requirement = f"pin {pin_name(name)} inside the {host} phalanx"
-        checks.append(Check(requirement, limits.clearance, inside))
+        sides = faces_of(place, host, finger.body).values()
+        inside = min(float(jnp.min(side)) for side in sides)
+        checks.append(Check(f"pin {pin_name(name)} inside the {host} phalanx", keep, inside))
     return checks
+
+
+def _strong(
+    finger: Finger, limits: LimitsSpec, motor: MotorSpec, pip: Float[Array, " pip"]
+) -> list[Check]:
+    """Forces of pinches with the straight distal pad, and what they do to bars and pins."""
+    body = finger.body
+    tip = float(body.distal - body.rim)
+    held = float(jnp.min(find_held_force(finger, pip, jnp.asarray([limits.pinch_at]))))
+    each = find_pinch_forces(finger, pip, 1.0, tip)
+    at_tip = motor.moment / float(jnp.max(each.crank_moment))
+    loaded = find_pinch_forces(finger, pip, limits.tip_force, tip)
+    stresses, links = find_stresses(finger, loaded), links_of(finger)
+    bars, pins = (
+        max(float(jnp.max(part)) for part in parts.values())
+        for parts in (stresses.bars, stresses.pins)
+    )
+    found = [
+        Check(f"pinch held at {limits.pinch_at:g} mm", limits.pinch_force, held, "N"),
+        Check("force at the tip", limits.tip_force, at_tip, "N"),
+    ]
+    for part, stress, strength in (
+        ("bars", bars, links.bar_strength),
+        ("pins", pins, links.pin_strength),
+    ):
+        factor = float(strength) / stress if stress > 0 else math.inf
+        found.append(Check(f"strength over stress in {part}", limits.safety, factor, ""))
+    return found
+
+
+def _clear(finger: Finger, pose: Pose, limits: LimitsSpec) -> list[Check]:
+    places = {"H" if name == pin_name("H") else name: at for name, at in pose.joints.items()}
+    meetings = find_meetings(links_of(finger), finger.joined())
+    found = jax.jit(find_clearances, static_argnums=2)(finger, places, tuple(meetings))
+    return [Check(name, limits.clearance, float(jnp.min(each))) for name, each in found.items()]

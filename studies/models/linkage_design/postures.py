@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from designopt.numerics import safe_divide
-from designopt.vectors import Vector, direction_to_meeting, fold_angle, rotation
+from designopt.vectors import Vector, direction_to_meeting, fold_angle, rotation, vector
 from kinematics.solve.dyads import solve_rrr
 from studies.models.finger import Finger, pins_of
 
@@ -25,7 +25,8 @@ class Postures(eqx.Module):
         inner: C, D and H relative to A in the intermediate phalanx's frame, mm, rows; and G, which
             does not move there.
         distal_c: C relative to B in the distal phalanx's frame, mm; it does not move there.
-        outer: E in the proximal phalanx's frame, mm, a square; and F, which does not move there.
+        outer: E in the proximal phalanx's frame, mm, a square, and F, which does not move there;
+            with a motor's parallelogram also K and N, squares, and M, which does not move there.
         reach: how far the dyads G-H-C (a row) and D-E-F (a square) are from the nearer of
             stretching and folding, mm; negative where they cannot be assembled.
         angles: transmission angles by name, rad, 0 to π/2, as `transmission.finger_transmission`
@@ -34,6 +35,8 @@ class Postures(eqx.Module):
         gamma_slope: dγ/dDIP of the plate's angle γ to the distal phalanx, a row.
         pip_ratio: φ₁ = ∂φ/∂PIP, a square.
         dip_ratio: φ₂ = ∂φ/∂DIP, a square.
+        motor_angle: of transmission from the motor, between F-K and M-F, rad, 0 to π/2, a square;
+            ``None`` without its parallelogram.
     """
 
     inner: dict[str, Vector]
@@ -45,6 +48,7 @@ class Postures(eqx.Module):
     gamma_slope: Float[Array, " dip"]
     pip_ratio: Float[Array, "pip dip"]
     dip_ratio: Float[Array, "pip dip"]
+    motor_angle: Float[Array, "pip dip"] | None
 
 
 def find_postures(finger: Finger, pip: Float[Array, " pip"], dip: Float[Array, " dip"]) -> Postures:
@@ -99,12 +103,20 @@ def postures_at(finger: Finger, knuckle: Vector, flexion: Vector) -> Postures:
     dip_ratio, _ = safe_divide(
         along_plate + plate_ratio[None, :] * (d_out - c_out).cross(pull), lever
     )
+    outer, motor_angle = {"E": e, "F": at["F"]}, None
+    if finger.motor is not None:
+        axis, arm_k = (
+            vector(finger.motor.axis(finger.body, pins_of(finger))),
+            (at["K"] - at["F"]).turned(swing),
+        )
+        outer |= {"K": at["F"] + arm_k, "N": axis + arm_k, "M": axis}
+        motor_angle = fold_angle(arm_k, axis - at["F"])
     phalanx, bar_line = (b, c_out), (g, h_out)
     rod_line = (d_out, e)
     return Postures(
         inner={"C": c, "D": d, "G": at["G"], "H": h},
         distal_c=distal_c,
-        outer={"E": e, "F": at["F"]},
+        outer=outer,
         reach=(reach, square_reach),
         angles={
             "D1": fold_angle(pull, d_out),
@@ -118,6 +130,7 @@ def postures_at(finger: Finger, knuckle: Vector, flexion: Vector) -> Postures:
         gamma_slope=1 - plate_ratio,
         pip_ratio=pip_ratio,
         dip_ratio=dip_ratio,
+        motor_angle=motor_angle,
     )
 
 

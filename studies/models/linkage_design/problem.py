@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
 
@@ -13,9 +14,16 @@ from jaxtyping import Array, Float
 
 from designopt.optimize import Evaluation, Problem, Requirement
 from designopt.vectors import Vector, rotation, vector
-from studies.models.finger import Body, Finger, pins_of
-from studies.models.linkage_design.postures import Postures, postures_at
-from studies.models.linkage_design.spec import LimitsSpec
+from studies.models.finger import Body, Finger, links_of, pins_of, spring_of
+from studies.models.linkage_design.clearances import (
+    HOSTS,
+    clearances_at,
+    faces_of,
+    name_of,
+)
+from studies.models.linkage_design.postures import Postures, find_postures, postures_at
+from studies.models.linkage_design.spec import LimitsSpec, MotorSpec
+from studies.models.links import OUTLINES, Meeting, find_meetings
 from studies.models.pins import Pins, pin_name
 
 LENGTH = 5.0
@@ -27,49 +35,60 @@ ANGLE = 0.1
 SYMBOLS = {"D1": "μ_D1", "D2": "μ_D2", "C": "μ_C", "H": "μ_G'", "E": "μ_E", "P": "μ_P"}
 """The transmission angles as people know them; H is the paper's G'."""
 
-HOSTS = {
-    "F": "proximal",
-    "E": "proximal",
-    "D": "intermediate",
-    "G": "intermediate",
-    "H": "intermediate",
-    "C": "distal",
-}
-"""The phalanx in whose section a pin lies and must stay. (An argument from their motions: F, G and
-C are fixed there, E swings beside the proximal phalanx, D and G' beside the intermediate one.)"""
+MOMENT = 10.0
+"""Moments are scaled by it, N mm."""
 
-LINKS = {
-    "proximal phalanx": "AF",
+PINCH_ALLOWANCE = 10.0
+"""A pinch is asked for with so many times what the allowance is of the shortest link, as a part."""
+
+PINCH, TIP = "pinch held", "force at the tip"
+
+MOTOR = "transmission from the motor"
+"""Name of the requirement on the parallelogram's own angle."""
+
+PHALANX_PINS = {
+    "proximal phalanx": "AFM",
     "intermediate phalanx": "ABG",
     "distal phalanx": "BC",
-    "plate": "CDH",
-    "rod": "DE",
-    "crank": "EF",
-    "bar": "GH",
 }
-"""Pins on every link."""
+"""Pins on the phalanges."""
 
 
 def _coordinate(pin: str, index: tuple[int, ...]) -> str:
     return f"{'xy'[index[0]]} of pin {pin_name(pin)}"
 
 
-COORDINATES = {pin: Requirement(functools.partial(_coordinate, pin), "mm") for pin in HOSTS}
+COORDINATES = {pin: Requirement(functools.partial(_coordinate, pin), "mm") for pin in "FEDCGH"}
 """The parameters as people know them."""
 
-PAIRS = [
-    (first, second)
-    for pins in LINKS.values()
-    for first, second in combinations(pins, 2)
-    if (first, second) != ("A", "B")
-]
-"""Pins on one link whose distance the design decides."""
+
+def pairs_on_links(pins: str) -> list[tuple[str, str]]:
+    """Pins on one link whose distance the pins' places decide."""
+    there = "AB" + pins
+    links = ([pin for pin in link if pin in there] for link in (PHALANX_PINS | OUTLINES).values())
+    pairs = (pair for link in links for pair in combinations(link, 2))
+    return [pair for pair in pairs if pair != ("A", "B")]
+
+
+def pins_on_links(finger: Finger) -> dict[str, str]:
+    """The pins on every link that the finger has."""
+    there = pin_places(finger)
+    pins = {
+        link: "".join(pin for pin in on if pin in there)
+        for link, on in (PHALANX_PINS | OUTLINES).items()
+    }
+    return {link: on for link, on in pins.items() if len(on) > 1}
 
 
 def pin_places(finger: Finger) -> dict[str, Float[np.ndarray, "2"]]:
-    """Places of A, B and the six pins in the straight finger, plain numbers, mm."""
+    """Places of A, B and all pins in the straight finger, plain numbers, mm."""
+    pins = pins_of(finger)
     axes = {"A": np.zeros(2), "B": np.array([finger.body.intermediate, 0.0])}
-    return axes | {name: np.asarray(getattr(pins_of(finger), name)) for name in HOSTS}
+    places = axes | {name: np.asarray(getattr(pins, name)) for name in pins.names}
+    if finger.motor is not None:
+        axis = np.asarray(finger.motor.axis(finger.body, pins))
+        places |= {"M": axis, "N": axis + places["K"] - places["F"]}
+    return places
 
 
 def grid(body: Body, step_deg: float) -> Float[np.ndarray, " angles"]:
@@ -79,12 +98,34 @@ def grid(body: Body, step_deg: float) -> Float[np.ndarray, " angles"]:
     return np.deg2rad(np.linspace(0.0, range_deg, count))
 
 
+def with_motor_pin(finger: Finger, arm: float) -> Finger:
+    """The finger with the crank's pin K where the motor's parallelogram transmits best.
+
+    F-K is then at right angles to M-F in the middle of the crank's range, so that its transmission
+    angle is nowhere less than 90° less half of that range.
+
+    Args:
+        finger: with pins and a motor; where it has K, that is replaced.
+        arm: |FK|, mm.
+    """
+    assert finger.motor is not None
+    pins, end = pins_of(finger), jnp.reshape(finger.body.flexion, (1,))
+    bare = replace(finger, motor=None, pins=replace(pins, K=None))
+    crank_range = find_postures(bare, end, end).crank[0, 0]
+    towards = vector(finger.motor.axis(finger.body, pins) - pins.F)
+    along = towards.scaled(1 / towards.length()).turned(rotation((crank_range - jnp.pi) / 2))
+    return replace(finger, pins=replace(pins, K=pins.F + arm * along.stacked()))
+
+
 def linkage_problem(
     finger: Finger,
     limits: LimitsSpec,
     pip: Float[np.ndarray, " pip"],
     dip: Float[np.ndarray, " dip"],
     allowance: float = 0.0,
+    *,
+    motor: MotorSpec,
+    meetings: Sequence[Meeting] | None = None,
 ) -> Problem:
     """Maximise the least of six transmission angles over a square of postures.
 
@@ -94,6 +135,8 @@ def linkage_problem(
         pip: angles of PIP, rad; their combinations with those of DIP are the postures.
         dip: angles of DIP, rad.
         allowance: kept beyond every length that is required, mm.
+        motor: what turns the crank.
+        meetings: the parts whose clearance is asked for; all that can meet by default.
 
     Returns:
         A problem in `Pins`, with ``least`` in rad by the symbols of the angles, inequalities by
@@ -102,25 +145,36 @@ def linkage_problem(
 
     def terms(pins: Pins, knuckle: Vector, flexion: Vector) -> Evaluation:
         moved = replace(finger, pins=pins)
+        if finger.motor is not None:
+            moved = with_motor_pin(moved, motor.arm)
         postures = postures_at(moved, knuckle, flexion)
+        found = inequalities(moved, postures, limits, allowance)
+        found |= force_inequalities(moved, postures, limits, motor, allowance)
+        for name, between in clearances_at(moved, postures, knuckle, asked).items():
+            found[name] = (between - limits.clearance - allowance) / LENGTH
         return Evaluation(
             least={SYMBOLS[name]: values for name, values in postures.angles.items()},
-            inequalities=inequalities(moved, postures, limits, allowance),
+            inequalities=found,
         )
 
-    lower, upper = _box(finger.body, limits, allowance)
+    asked = find_meetings(links_of(finger), finger.joined()) if meetings is None else meetings
+
+    lower, upper = _box(finger, limits, allowance)
     scale = jax.tree.map(lambda leaf: jnp.full_like(leaf, LENGTH), lower)
     turns = (rotation(-jnp.asarray(angles)) for angles in (pip, dip))
-    requirements = _requirements(np.rad2deg(pip), np.rad2deg(dip))
+    requirements = _requirements(finger, np.rad2deg(pip), np.rad2deg(dip))
     return Problem(terms, lower, upper, scale, requirements, COORDINATES, tuple(turns))
 
 
 def inequalities(
     finger: Finger, postures: Postures, limits: LimitsSpec, allowance: float = 0.0
 ) -> dict[str, Float[Array, "..."]]:
-    """What the limits ask of a design in given postures; negative where it fails, scaled."""
+    """What the limits ask of a design in given postures; negative where it fails, scaled.
+
+    All but the clearances of its parts from each other.
+    """
     body, pins = finger.body, pins_of(finger)
-    keep = limits.clearance + allowance
+    keep = from_faces(finger, limits) + allowance
     # The turn, in rad, by which that moves the shortest link.
     turned = allowance / limits.spacing
     places = postures.inner | postures.outer | {"C": postures.distal_c}
@@ -137,8 +191,8 @@ def inequalities(
         "|AF|": (vector(pins.F).length() - limits.crank_offset - allowance) / LENGTH,
         "|EF|": (limits.crank_length - allowance - vector(pins.E - pins.F).length()) / LENGTH,
     }
-    for name, host in HOSTS.items():
-        for side, distance in sides(places[name], host, body).items():
+    for name in pins.names:
+        for side, distance in faces_of(places[name], HOSTS[name], body).items():
             found[f"pin {pin_name(name)} inside the {side}"] = (distance - keep) / LENGTH
     if limits.force_ratio is not None:
         bound = limits.force_ratio * (1 - turned)
@@ -146,32 +200,51 @@ def inequalities(
     return found
 
 
-def _distances(pins: Pins, body: Body) -> Float[Array, " pairs"]:
-    zero = jnp.zeros_like(body.intermediate)
-    at = pins.places() | {"A": Vector(zero, zero), "B": Vector(body.intermediate, zero)}
-    return jnp.stack([(at[first] - at[second]).length() for first, second in PAIRS])
+def force_inequalities(
+    finger: Finger,
+    postures: Postures,
+    limits: LimitsSpec,
+    motor: MotorSpec,
+    allowance: float = 0.0,
+) -> dict[str, Float[Array, " pip"]]:
+    """What a pinch asks of a design, whose first DIP angle is 0; negative where it fails, scaled.
 
-
-def sides(place: Vector, host: str, body: Body) -> dict[str, Float[Array, "..."]]:
-    """Distances of a pin from the faces of its phalanx, and from the end that is the finger's.
-
-    Apart, not in one array: compiled into one, each element would trace the pin anew, and the
-    derivatives take a hundred times as long.
+    The stop of the DIP joint still presses, λ ≥ 0, and the motor is strong enough; see
+    `forces.find_pinch_forces`.
     """
-    found = {"palmar face": place.y - body.palmar, "dorsal face": body.dorsal - place.y}
-    if host == "proximal":
-        found["rear end"] = place.x + body.proximal
-    if host == "distal":
-        found["tip"] = body.distal - place.x
+    body, spring, found = finger.body, spring_of(finger), {}
+    first, second = postures.pip_ratio[:, 0], postures.dip_ratio[:, 0]
+    if limits.pinch_force > 0:
+        wound = spring.stiffness * spring.preload * postures.gamma_slope[0]
+        lever = limits.pinch_at * first - second * (limits.pinch_at + body.intermediate)
+        # Near where it gives way the force goes with the inverse of a small difference of ratios.
+        force = limits.pinch_force * (1 + PINCH_ALLOWANCE * allowance / limits.spacing)
+        found[PINCH] = (wound * first + force * lever) / MOMENT
+    if limits.tip_force > 0:
+        reach = body.distal - body.rim + body.intermediate
+        found[TIP] = first * motor.moment / (limits.tip_force * reach) - 1
     return found
 
 
-def _box(body: Body, limits: LimitsSpec, allowance: float) -> tuple[Pins, Pins]:
+def from_faces(finger: Finger, limits: LimitsSpec) -> Float[Array, ""]:
+    """What axes of pins keep from faces and ends: half a bar, the shell and the clearance, mm."""
+    links = links_of(finger)
+    return links.bar_width / 2 + links.shell + limits.clearance
+
+
+def _distances(pins: Pins, body: Body) -> Float[Array, " pairs"]:
+    zero = jnp.zeros_like(body.intermediate)
+    at = pins.places() | {"A": Vector(zero, zero), "B": Vector(body.intermediate, zero)}
+    pairs = pairs_on_links(pins.names)
+    return jnp.stack([(at[first] - at[second]).length() for first, second in pairs])
+
+
+def _box(finger: Finger, limits: LimitsSpec, allowance: float) -> tuple[Pins, Pins]:
     """Where the pins may be in the straight finger.
 
     Over the height of their phalanx, and along it so far that designs of many kinds fit.
     """
-    keep = limits.clearance + allowance
+    body, keep = finger.body, from_faces(finger, limits) + allowance
     low, high = body.palmar + keep, body.dorsal - keep
     rear, tip = -body.proximal + keep, body.intermediate + body.distal - keep
     length = body.intermediate
@@ -181,7 +254,7 @@ def _box(body: Body, limits: LimitsSpec, allowance: float) -> tuple[Pins, Pins]:
         "D": (-0.65 * length, 0.65 * length),
         "C": (0.8 * length, (length + tip) / 2),
         "G": (-0.2 * length, length),
-        "H": (0.0, 1.2 * length),
+        "H": (-0.2 * length, 1.2 * length),
     }
     lower = Pins(**{name: jnp.array([span[0], low]) for name, span in spans.items()})
     upper = Pins(**{name: jnp.array([span[1], high]) for name, span in spans.items()})
@@ -189,16 +262,24 @@ def _box(body: Body, limits: LimitsSpec, allowance: float) -> tuple[Pins, Pins]:
 
 
 def _requirements(
-    pip_deg: Float[np.ndarray, " pip"], dip_deg: Float[np.ndarray, " dip"]
+    finger: Finger,
+    pip_deg: Float[np.ndarray, " pip"],
+    dip_deg: Float[np.ndarray, " dip"],
 ) -> dict[str, Requirement]:
     lengths = ["assembly of B-C-G'-G", "assembly of A-D-E-F", "|AF|", "|EF|"]
     for name in HOSTS:
         for side in ("palmar face", "dorsal face", "rear end", "tip"):
             lengths.append(f"pin {pin_name(name)} inside the {side}")
+    lengths += map(name_of, find_meetings(links_of(finger), finger.joined()))
     ratios = ["crank closing with PIP", "crank closing with DIP", "plate turning with DIP", "φ₂/φ₁"]
     amounts = dict.fromkeys(lengths, ("mm", LENGTH)) | dict.fromkeys(ratios, ("", 1.0))
     amounts |= dict.fromkeys(SYMBOLS.values(), ("°", float(np.rad2deg(ANGLE))))
     amounts["range of the crank"] = ("°", float(np.rad2deg(1.0)))
+    amounts |= {PINCH: ("N mm", MOMENT), TIP: ("", 1.0)}
+    pairs = pairs_on_links("FEDCGH" if finger.motor is None else "FEDCGHK")
+
+    def at_pip(name: str, index: tuple[int, ...]) -> str:
+        return f"{name} at PIP {pip_deg[index[0]]:.3g}°"
 
     def words(name: str, index: tuple[int, ...]) -> str:
         # What one angle decides is a row over DIP.
@@ -207,11 +288,13 @@ def _requirements(
         return f"{name} at {', '.join(at)}" if at else name
 
     def pair(index: tuple[int, ...]) -> str:
-        first, second = PAIRS[index[0]]
+        first, second = pairs[index[0]]
         return f"distance of pins {pin_name(first)} and {pin_name(second)}"
 
     found = {
-        name: Requirement(functools.partial(words, name), *amount)
+        name: Requirement(
+            functools.partial(at_pip if name in (PINCH, TIP) else words, name), *amount
+        )
         for name, amount in amounts.items()
     }
     return found | {"pins apart": Requirement(pair, "mm", LENGTH)}

@@ -5,12 +5,13 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from designopt.optimize import (
     Active,
@@ -28,10 +29,14 @@ from designopt.optimize import (
     make_epigraph_starts,
     select_starts,
 )
-from studies.models.finger import Body, Finger
+from designopt.vectors import rotation
+from studies.models.finger import Body, Finger, FingerMotor, FingerSpring, links_of, pins_of
+from studies.models.linkage_design.clearances import clearances_at, name_of
 from studies.models.linkage_design.judging import STEP_DEG
-from studies.models.linkage_design.problem import ANGLE, grid, linkage_problem
+from studies.models.linkage_design.postures import postures_at
+from studies.models.linkage_design.problem import ANGLE, grid, linkage_problem, with_motor_pin
 from studies.models.linkage_design.spec import FingerLinkageSpec
+from studies.models.links import Links, Meeting, find_meetings
 from studies.models.pins import Pins
 
 FLOOR = -math.pi / 2 / ANGLE
@@ -135,10 +140,12 @@ def search(spec: FingerLinkageSpec, seed: int) -> Search:
         spec: the study's settings.
         seed: of the Sobol points.
     """
-    how, finger = spec.search, Finger.of(Body.of(spec.body))
+    how, finger = spec.search, blank_finger(spec)
     flexion = grid(finger.body, how.step_deg)
-    coarse = over(finger, spec, flexion, flexion)
-    starts = select_starts(coarse, how.starts, seed, among=how.among, scale=ANGLE)
+    bare = over(finger, spec, flexion, flexion, ())
+    starts = select_starts(bare, how.starts, seed, among=how.among, scale=ANGLE)
+    near = _near_meetings(finger, spec, flexion, starts.parameters)
+    coarse = over(finger, spec, flexion, flexion, near)
     begin = make_epigraph_starts(coarse, starts.parameters)
     rounds = [Round(coarse, minimizer(coarse, how.starts, "bfgs").solve(begin))]
     worst = _worst_postures(finger, spec)
@@ -156,26 +163,70 @@ def search(spec: FingerLinkageSpec, seed: int) -> Search:
         if known is not None and all(map(np.array_equal, postures, known)):
             break
         known = postures
-        problem = over(finger, spec, *postures)
+        problem = over(finger, spec, *postures, near)
         again = again or minimizer(problem, len(finalists), "slsqp")
         designs = jax.tree.map(lambda *leaves: jnp.stack(leaves), *finalists).design
         solved = Round(problem, again.solve(make_epigraph_starts(problem, designs), problem.data))
         if solved.optima.best.violation > NEARLY:
             break  # from what cannot be met this solver runs astray
         rounds.append(solved)
-    found = rounds[-1].optima.best.parameters.design
-    return Search(finger.with_pins(rounded(found, how.rounding)), starts, tuple(rounds))
+    found = replace(finger, pins=rounds[-1].optima.best.parameters.design)
+    if finger.motor is not None:
+        found = with_motor_pin(found, spec.motor.arm)
+    return Search(finger.with_pins(rounded(pins_of(found), how.rounding)), starts, tuple(rounds))
+
+
+def blank_finger(spec: FingerLinkageSpec) -> Finger:
+    """A finger with the settings' body, spring, links and motor, whose pins are looked for."""
+    motor = spec.motor
+    driven = FingerMotor(motor.behind, motor.above) if motor.parallelogram else None
+    spring = FingerSpring(**spec.spring.model_dump())
+    return Finger.of(Body.of(spec.body), None, spring, links=Links.of(spec.links), motor=driven)
 
 
 PLACES = 10
 """Places for angles that the exchange adds to those of PIP and of DIP."""
 
 
-def over(finger: Finger, spec: FingerLinkageSpec, pip: np.ndarray, dip: np.ndarray) -> Problem:
+def over(
+    finger: Finger,
+    spec: FingerLinkageSpec,
+    pip: np.ndarray,
+    dip: np.ndarray,
+    meetings: Sequence[Meeting] | None = None,
+) -> Problem:
     """A finger's problem over the postures that combine these angles, rad."""
     # Both ends of a link may be rounded, by half a step along x and y.
     allowance = max(spec.search.allowance, 2 * spec.search.rounding)
-    return linkage_problem(finger, spec.limits, pip, dip, allowance)
+    return linkage_problem(
+        finger, spec.limits, pip, dip, allowance, motor=spec.motor, meetings=meetings
+    )
+
+
+FAR = 5.0
+"""Parts that keep so much more than the clearance at all starts, mm, are left out of the search.
+The judgement has them all."""
+
+
+def _near_meetings(
+    finger: Finger, spec: FingerLinkageSpec, flexion: np.ndarray, starts: Pins
+) -> list[Meeting]:
+    """The parts that come near each other at any of the starts."""
+    meetings = find_meetings(links_of(finger), finger.joined())
+    turns = rotation(-jnp.asarray(flexion))
+
+    @jax.jit
+    @jax.vmap
+    def least(pins: Pins) -> list[Array]:
+        moved = replace(finger, pins=pins)
+        if finger.motor is not None:
+            moved = with_motor_pin(moved, spec.motor.arm)
+        found = clearances_at(moved, postures_at(moved, turns, turns), turns, meetings)
+        return [jnp.min(found[name_of(one)]) for one in meetings]
+
+    limit = spec.limits.clearance + FAR
+    found = zip(meetings, least(starts), strict=True)
+    return [one for one, between in found if np.min(between) < limit]
 
 
 APART = 0.5
@@ -217,7 +268,7 @@ def _worst_postures(
 ) -> Callable[[Pins, float], tuple[Any, Any]]:
     """From a design and the level it promised to the angles of postures in which it is worse."""
     flexion = grid(finger.body, STEP_DEG)
-    check = linkage_problem(finger, spec.limits, flexion, flexion)
+    check = linkage_problem(finger, spec.limits, flexion, flexion, motor=spec.motor)
     terms = jax.jit(check.terms)
 
     def worst(pins: Pins, level: float) -> tuple[Any, Any]:

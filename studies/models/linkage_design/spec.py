@@ -10,21 +10,25 @@ from designopt.io.spec import Spec
 from designopt.study.settings import setting
 from studies.models.body import BodySpec
 from studies.models.body import Length as Positive
+from studies.models.links import LinksTable
+
+Stiffness = Annotated[float, Field(ge=1e-6, le=1e6)]
 
 
 class LimitsSpec(Spec):
     """What every posture must leave. Lengths in mm."""
 
     clearance: float = setting(
-        2.0, "pin axes to the faces and ends of their phalanx (mm)", ge=0, le=100
+        0.5, "between moving parts, and from them to the faces and ends (mm)", ge=0, le=100
     )
+    width: Positive = setting(34.0, "greatest width of the finger (mm)")
     spacing: Positive = setting(6.0, "least distance of two pins on a link (mm)")
     crank_offset: Positive = setting(8.0, "least |AF| (mm); at 0 the crank turns about PIP")
     crank_length: Positive = setting(22.0, "greatest |EF| (mm)")
     crank_range_deg: float = setting(
-        150.0,
-        "greatest turn of the crank (degrees); 100 for a motor parallelogram, whose transmission "
-        "angle is the crank's angle",
+        100.0,
+        "greatest turn of the crank (degrees); at 100 the motor's parallelogram, whose "
+        "transmission angle is the crank's angle, can keep 40",
         gt=0,
         le=180,
     )
@@ -34,14 +38,40 @@ class LimitsSpec(Spec):
         None, "greatest φ₂/φ₁, which decides whether a pinch holds; any if none"
     )
     transmission_deg: float = setting(40.0, "least transmission angle (degrees)", gt=0, lt=90)
+    pinch_force: float = setting(
+        5.0, "least force that the straight distal pad holds at pinch_at (N); 0: any", ge=0, le=1e4
+    )
+    pinch_at: Positive = setting(20.0, "k₂, place of that pinch from the DIP axis (mm)")
+    tip_force: float = setting(
+        5.0, "least force at the tip of the distal pad with the motor's moment (N)", ge=0, le=1e4
+    )
+    closing_s: Positive = setting(1.0, "greatest time in which the motor closes the finger (s)")
+    safety: float = setting(
+        2.0, "least strength over stress in bars and pins at tip_force", ge=0, le=100
+    )
 
 
-class SensorSpec(Spec):
-    """The room beside the sensing pads, in which the links lie. Lengths in mm."""
+class MotorSpec(Spec):
+    """The motor behind the finger, which turns the crank through a parallelogram. Lengths in mm."""
 
-    finger_width: Positive = setting(34.0, "width of the finger (mm)")
-    pad_width: Positive = setting(24.0, "width kept free for the pads (mm)")
-    link_thickness: Positive = setting(2.0, "thickness of a link (mm)")
+    moment: Positive = setting(500.0, "moment of the motor (N mm)")
+    speed_deg: Annotated[float, Field(gt=0, le=1e5)] = setting(
+        200.0, "speed of the motor (degrees/s)"
+    )
+    parallelogram: bool = setting(True, "whether there is one; else the motor is at the crank")
+    behind: Positive = setting(8.0, "motor axis behind the rear end of the finger (mm)")
+    arm: Positive = setting(12.0, "|FK|, arm of the crank on which the motor pulls (mm)")
+    above: float = setting(0.0, "motor axis over that of the crank (mm)", ge=-100, le=100)
+
+
+class SpringSpec(Spec):
+    """What keeps the distal phalanx straight, and how stiff the motor is."""
+
+    stiffness: Stiffness = setting(
+        30.0, "torsion spring between distal phalanx and plate (N mm/rad)"
+    )
+    preload: float = setting(0.3, "how far it is wound in the straight finger (rad)", ge=0, le=3)
+    servo: Stiffness = setting(300.0, "stiffness of the motor (N mm/rad)")
 
 
 class SearchSpec(Spec):
@@ -65,7 +95,8 @@ class LinkageSpec(Spec):
     """
 
     limits: LimitsSpec = setting(LimitsSpec(), "what every posture must leave", free=True)
-    sensor: SensorSpec = setting(SensorSpec(), "the room beside the pads", free=True)
+    links: LinksTable = setting(LinksTable(), "widths and layers of the links", free=True)
+    motor: MotorSpec = setting(MotorSpec(), "the motor and its parallelogram", free=True)
     search: SearchSpec = setting(SearchSpec(), "how the optimum is searched", free=True)
     tolerance: float = setting(
         0.1, "error of every coordinate of a pin, 1 σ (mm)", free=True, ge=0, le=10
@@ -77,6 +108,7 @@ class FingerLinkageSpec(LinkageSpec):
     """All settings of ``designopt run finger-linkage``."""
 
     body: BodySpec = setting(BodySpec(), "the phalanges", free=True)
+    spring: SpringSpec = setting(SpringSpec(), "spring and motor", free=True)
     precision: bool = setting(True, "measure error against run time", free=True)
     evolution_seconds: float = setting(
         20.0, "time given to differential evolution, the yardstick (s)", scales=True, gt=0, le=3600
@@ -84,10 +116,12 @@ class FingerLinkageSpec(LinkageSpec):
 
     @model_validator(mode="after")
     def _room_for_pins(self) -> FingerLinkageSpec:
-        room = self.body.thickness - 2 * self.limits.clearance - 2 * self.search.allowance
-        if room <= 0:
+        links = self.links
+        keep = links.bar_width / 2 + links.shell + self.limits.clearance + self.search.allowance
+        if self.body.thickness <= 2 * keep:
             raise ValueError(
-                f"thickness ({self.body.thickness:g} mm) leaves no room between pins that keep "
-                f"limits.clearance ({self.limits.clearance:g} mm) from both faces"
+                f"thickness ({self.body.thickness:g} mm) leaves no room between the faces for pins "
+                f"that keep {keep:g} mm from either: half of links.bar_width, links.shell and "
+                "limits.clearance; make it thicker, or one of these less"
             )
         return self

@@ -6,11 +6,12 @@ import numpy as np
 
 from designopt.study.records import Records
 from designopt.study.report import Report
-from studies.models.finger import Finger
+from studies.models.finger import Finger, links_of, pins_of
 from studies.models.linkage_design.analysis import LinkageDesign
 from studies.models.linkage_design.judging import Check
-from studies.models.linkage_design.problem import ANGLE, LINKS, PAIRS, pin_places
+from studies.models.linkage_design.problem import ANGLE, pairs_on_links, pin_places, pins_on_links
 from studies.models.linkage_design.spec import LimitsSpec
+from studies.models.links import Links
 from studies.models.pins import pin_name
 
 EVERY = 5
@@ -22,6 +23,7 @@ def add_tables(out: Report, limits: LimitsSpec, design: LinkageDesign) -> None:
     out.table("pins", pins(design.finger))
     out.table("lengths", lengths(design.finger))
     out.table("requirements", requirements(limits, design))
+    out.table("layers", layers(links_of(design.finger)))
     held = design.search.held_by()
     out.table(
         "active",
@@ -47,9 +49,9 @@ def add_tables(out: Report, limits: LimitsSpec, design: LinkageDesign) -> None:
 
 def pins(finger: Finger) -> Records:
     """Where the pins are, and the links that they join."""
-    found = Records()
+    found, on_links = Records(), pins_on_links(finger)
     for name, (x, y) in pin_places(finger).items():
-        links = ", ".join(link for link, pins in LINKS.items() if name in pins)
+        links = ", ".join(link for link, pins in on_links.items() if name in pins)
         found.add(pin=pin_name(name), x_mm=x, y_mm=y, links=links)
     return found
 
@@ -57,11 +59,22 @@ def pins(finger: Finger) -> Records:
 def lengths(finger: Finger) -> Records:
     """Distances of the pins on every link."""
     at, found = pin_places(finger), Records()
-    for link, names in LINKS.items():
-        for first, second in PAIRS:
+    pairs = pairs_on_links(pins_of(finger).names)
+    for link, names in pins_on_links(finger).items():
+        for first, second in pairs:
             if first in names and second in names:
                 pins = f"{pin_name(first)}-{pin_name(second)}"
                 found.add(link=link, pins=pins, length_mm=np.hypot(*(at[first] - at[second])))
+    return found
+
+
+def layers(links: Links) -> Records:
+    """What lies in every millimetre of the width, from the middle of the finger outwards."""
+    found = Records()
+    for number, (parts, (inner, outer)) in enumerate(
+        zip(links.layers, np.asarray(links.edges).tolist(), strict=True)
+    ):
+        found.add(layer=number, parts=", ".join(parts), from_mm=inner, to_mm=outer)
     return found
 
 
@@ -69,7 +82,7 @@ def requirements(limits: LimitsSpec, design: LinkageDesign) -> Records:
     """Every requirement with what was achieved."""
     verdict, found = design.verdict, Records()
     angle = Check("transmission angle", limits.transmission_deg, verdict.least_deg, "°")
-    for one in (angle, *verdict.checks, design.room):
+    for one in (angle, *verdict.checks, design.width):
         found.add(
             requirement=one.name,
             limit="at least" if one.at_least else "at most",
