@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from xml.etree.ElementTree import Comment, Element, indent, tostring
 
 from designopt.errors import UserError
@@ -28,6 +29,7 @@ from kinematics.export.mjcf_bodies import (
     Disc,
     Pad,
     Reading,
+    Volume,
     add,
     inertia,
     numbers,
@@ -102,6 +104,7 @@ def linkage_mjcf(
     stops: Sequence[Stop] = (),
     pads: Sequence[Pad] = (),
     discs: Sequence[Disc] = (),
+    volumes: Sequence[Volume] = (),
 ) -> str:
     """The text of a MuJoCo model of a linkage, in SI units.
 
@@ -118,12 +121,14 @@ def linkage_mjcf(
         stops: further limits of angles.
         pads: faces of bodies; a site and a geom each.
         discs: objects for them to touch.
+        volumes: what bodies take up. Those of bodies that share a joint do not touch each other;
+            ``<contact>`` lists these pairs.
 
     Raises:
-        UserError: a motor, stop or pad names what is not there or cannot be, or the linkage is too
-            small for MuJoCo.
+        UserError: a motor, stop, pad or volume names what is not there or cannot be, or the
+            linkage is too small for MuJoCo.
     """
-    _check(linkage, motors or {}, stops, pads)
+    _check(linkage, motors or {}, stops, pads, volumes)
     structure = linkage.structure
     hinged = [(part.body, part.relative_to) for part in structure.inputs if part.body is not None]
     hinged += [*structure.springs, *(stop.between for stop in stops)]
@@ -137,7 +142,11 @@ def linkage_mjcf(
     root.append(Comment(UNITS))
     _settings(root, scale, size)
     bodies = Bodies(linkage, coordinates, parts)
-    bodies.write(add(root, "worldbody"), pads, discs)
+    bodies.write(add(root, "worldbody"), pads, discs, volumes)
+    if volumes:
+        contact = add(root, "contact")
+        for first, second in _joined_bodies(linkage, [volume.body for volume in volumes]):
+            add(contact, "exclude", body1=first, body2=second)
     forces = _Forces(bodies, coordinates, scale, size)
     for index, (spring, pair) in enumerate(zip(linkage.springs, structure.springs, strict=True)):
         reading = coordinates.angle(pair[1], pair[0])
@@ -163,6 +172,16 @@ def linkage_mjcf(
         add(add(root, "keyframe"), "key", name=KEY, ctrl=numbers(*values))
     indent(root)
     return tostring(root, encoding="unicode") + "\n"
+
+
+def _joined_bodies(linkage: Linkage, bodies: Sequence[str]) -> list[Pair]:
+    """Pairs of some bodies that share a joint."""
+    structure = linkage.structure
+    on_joints = (
+        [part.name for part in structure.bodies if joint in part.joints and part.name in bodies]
+        for joint in structure.joints
+    )
+    return list(dict.fromkeys(pair for names in on_joints for pair in combinations(names, 2)))
 
 
 def _load(linkage: Linkage, motors: Mapping[str, float]) -> float:
@@ -266,7 +285,11 @@ class _Forces:
 
 
 def _check(
-    linkage: Linkage, motors: Mapping[str, float], stops: Sequence[Stop], pads: Sequence[Pad]
+    linkage: Linkage,
+    motors: Mapping[str, float],
+    stops: Sequence[Stop],
+    pads: Sequence[Pad],
+    volumes: Sequence[Volume],
 ) -> None:
     bodies = [part.name for part in linkage.structure.bodies]
     faults = [
@@ -288,6 +311,9 @@ def _check(
             faults.append(f"pads.{index}: {_unknown(pad.body, bodies)}")
         if math.dist(pad.start, pad.end) == 0:
             faults.append(f"pads.{index}: its two ends coincide; move one of them")
+    for index, volume in enumerate(volumes):
+        if volume.body not in bodies:
+            faults.append(f"volumes.{index}: {_unknown(volume.body, bodies)}")
     if (size := float(linkage.size())) < SMALLEST:
         faults.append(
             f"joints: MuJoCo moves no linkage whose largest dimension is {size:.2g} mm; "

@@ -167,6 +167,31 @@ class Disc:
     radius: float
 
 
+@dataclass(frozen=True)
+class Volume:
+    """A rounded prism of a body: what lies within a radius of lines between its corners.
+
+    Volumes touch each other, but for those of bodies that share a joint; they have no mass.
+
+    Attributes:
+        name: of its geoms, which are counted.
+        body: which it is part of.
+        corners: in the assembled sketch, mm; the lines go from one to the next, all around.
+        radius: mm.
+        across: where it begins and ends across the plane, mm.
+    """
+
+    name: str
+    body: str
+    corners: Sequence[Point]
+    radius: float
+    across: tuple[float, float]
+
+
+SOLID = 2
+"""Bit of ``contype`` and ``conaffinity`` by which volumes touch each other and nothing else."""
+
+
 def rods(linkage: Linkage, coordinates: Coordinates) -> dict[str, list[Rod]]:
     """What every body consists of: rods along its outline in the assembled sketch, mm."""
     tree, size = coordinates.tree, float(linkage.size())
@@ -209,13 +234,20 @@ class Bodies:
         self._size = float(linkage.size())
         self._colors = body_colors(linkage.structure)
 
-    def write(self, world: Element, pads: Sequence[Pad], discs: Sequence[Disc]) -> None:
+    def write(
+        self,
+        world: Element,
+        pads: Sequence[Pad],
+        discs: Sequence[Disc],
+        volumes: Sequence[Volume],
+    ) -> None:
         """Write everything.
 
         Args:
             world: ``<worldbody>``.
             pads: of any bodies.
             discs: objects.
+            volumes: of any bodies.
         """
         tree, at = self._coordinates.tree, self._coordinates.tree.joints
         blocks = [block_of(self._structure, i) for i in range(len(tree.directions))]
@@ -253,6 +285,14 @@ class Bodies:
         for pad in pads:
             node = self._structure.node(pad.body)
             self._pad(elements[node], pad, origins[node])
+        for volume in volumes:
+            node = self._structure.node(volume.body)
+            # What does not move has a body of its own, which leaves objects of the world out of
+            # the pairs that do not touch.
+            if node == WORLD and volume.body not in elements:
+                elements[volume.body] = add(world, "body", name=volume.body)
+            own = volume.body if node == WORLD else node
+            self._volume(elements[own], volume, origins[node])
 
     def _rods(self, element: Element, body: str, origin: np.ndarray) -> None:
         for start, end in self._parts[body]:
@@ -295,6 +335,31 @@ class Bodies:
         box["rgba"] = color(self._colors[pad.body])
         add(element, "site", **box)
         add(element, "geom", **box, contype=1)  # touches what has conaffinity=1
+
+    def _volume(self, element: Element, volume: Volume, origin: np.ndarray) -> None:
+        corners = [np.array(corner) - origin for corner in volume.corners]
+        low, high = (end * MM for end in volume.across)
+        looks = {"rgba": color(self._colors[volume.body]), "mass": 0.0}
+        touch = {"contype": SOLID, "conaffinity": SOLID, **looks}
+        half = (high - low) / 2
+        count = 0
+        for corner in corners:
+            size = numbers(volume.radius * MM, half)
+            x, y = corner * MM
+            geom = {"type": "cylinder", "size": size, "pos": numbers(x, y, (low + high) / 2)}
+            add(element, "geom", name=f"{volume.name} {count}", **geom, **touch)
+            count += 1
+        edges = len(corners) if len(corners) > 2 else len(corners) - 1
+        for number in range(edges):
+            start, end = corners[number], corners[(number + 1) % len(corners)]
+            length, (x, y) = math.dist(start, end), (start + end) / 2 * MM
+            if length < SHORTEST:
+                continue
+            size = numbers(length / 2 * MM, volume.radius * MM, half)
+            geom = {"type": "box", "size": size, "pos": numbers(x, y, (low + high) / 2)}
+            geom["euler"] = numbers(0, 0, math.atan2(*(end - start)[::-1]))
+            add(element, "geom", name=f"{volume.name} {count}", **geom, **touch)
+            count += 1
 
 
 def site_name(joint: str, body: str) -> str:

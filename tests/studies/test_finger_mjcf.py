@@ -26,7 +26,7 @@ from designopt.errors import UserError
 from studies.finger import FingerSpec
 from studies.finger.run import finger_design, spring_from
 from studies.models import Finger
-from studies.models.finger import PHALANGES, pins_of
+from studies.models.finger import PHALANGES, links_of, pins_of
 from studies.models.grasp import cases
 from studies.models.grasp.analysis import analyze
 from studies.models.grasp.closing import Path, close_all, there_and_back
@@ -233,3 +233,55 @@ def test_the_settings_of_the_finger_are_in_its_model():
 def test_a_finger_without_a_linkage_or_a_spring_has_no_model(part, words):
     with pytest.raises(UserError, match=rf"^finger: it has {words}; add \[{part}\]$"):
         grasp_mjcf(replace(designed(), **{part: None}))
+
+
+def touching(simulated: Simulated) -> list[tuple[str, str]]:
+    """Pairs of geoms that overlap."""
+    model = simulated.model
+    return [
+        (model.geom(contact.geom1).name, model.geom(contact.geom2).name)
+        for contact in simulated.data.contact
+        if contact.dist < 0
+    ]
+
+
+SHARING = {
+    *(("proximal", "intermediate"), ("proximal", "crank"), ("proximal", "driver")),
+    *(("intermediate", "distal"), ("intermediate", "bar"), ("distal", "plate")),
+    *(("plate", "rod"), ("rod", "crank"), ("crank", "coupler"), ("coupler", "driver")),
+    ("plate", "bar"),
+}
+"""Pairs of bodies that share a pin, which alone may touch."""
+
+
+def test_the_finger_closes_without_touching_itself():
+    """Over all of both joints: the motor closes, and a moment bends DIP in between."""
+    text = grasp_mjcf(designed())
+    excluded = {
+        frozenset((pair.get("body1"), pair.get("body2")))
+        for pair in ElementTree.fromstring(text).iter("exclude")
+    }
+    assert excluded == {frozenset(pair) for pair in SHARING}
+    simulated = Simulated(text)
+    straight = simulated.coordinate("crank on world")
+    reached = []
+    for moment in (0.0, -0.02, -0.06):
+        simulated.data.joint(JOINTS[1]).qfrc_applied[0] = moment
+        for command in np.deg2rad(np.linspace(0.0, 110.0, 12)):
+            simulated.settle([straight - command])
+            assert touching(simulated) == []
+            reached.append([-simulated.coordinate(name) for name in JOINTS])
+    reached = np.rad2deg(reached)
+    assert reached.max(axis=0) == pytest.approx([90.0, 90.0], abs=0.1)
+    assert reached.min(axis=0) == pytest.approx([0.0, 0.0], abs=0.1)
+
+
+def test_parts_that_run_into_each_other_touch():
+    """With axles 10 mm thick the bar G-G' runs into that of the PIP joint."""
+    finger = designed()
+    thick = replace(finger, links=replace(links_of(finger), axle_diameter=jnp.asarray(10.0)))
+    simulated = Simulated(grasp_mjcf(thick))
+    simulated.data.joint(JOINTS[1]).qfrc_applied[0] = -0.06
+    simulated.run(0.5)  # held by what it touches it does not come to rest
+    pairs = {frozenset(name.split(",")[0] for name in pair) for pair in touching(simulated)}
+    assert frozenset(("bar", "axle A of proximal")) in pairs

@@ -79,7 +79,7 @@ def test_a_pin_of_a_thin_finger_stands_out_of_its_back(tmp_path):
     found = polygon_clearances(tmp_path / "finger.toml", steps=4)
     assert found.inside["crank"].min() < -7
     checks = {check.name: check for check in judged(finger, LimitsSpec(), MotorSpec()).checks}
-    assert not checks["pin E inside the proximal phalanx"].met
+    assert not checks["pin E inside the dorsal face"].met
 
 
 def test_bars_that_can_meet_lie_in_one_layer_or_are_crossed():

@@ -11,12 +11,62 @@ from __future__ import annotations
 import numpy as np
 
 from kinematics.export.mjcf import Stop, linkage_mjcf
-from kinematics.export.mjcf_bodies import Disc, Pad
+from kinematics.export.mjcf_bodies import Disc, Pad, Volume
 from studies.models.finger import PHALANGES, Finger, spring_of
 from studies.models.grasp.objects import Circle
+from studies.models.linkage_design.problem import pin_places
+from studies.models.links import OUTLINES
+
+Place = tuple[float, float]
 
 MOTOR = "theta"
 """The input that the motor turns: the crank's angle. Closing makes it smaller."""
+
+
+def finger_volumes(finger: Finger) -> list[Volume]:
+    """What the finger's parts take up at its two sides: bars, axles, and the faces of phalanges.
+
+    Axles and bars lie in their layers; the faces, dorsal and palmar, and the tip's wall go through
+    all layers outside the pads. (The rear wall has openings for the coupler and is left out.)
+    Without links there are none.
+    """
+    links, body = finger.links, finger.body
+    if links is None:
+        return []
+    at = {name: (float(x), float(y)) for name, (x, y) in pin_places(finger).items()}
+    edges, half_bar = np.asarray(links.edges).tolist(), float(links.bar_width) / 2
+    found = []
+
+    def add(
+        name: str, of: str, corners: list[Place], rounding: float, inner: int, outer: int
+    ) -> None:
+        low, high = edges[inner][0], edges[outer][1]
+        for side, across in (("left", (low, high)), ("right", (-high, -low))):
+            found.append(Volume(f"{name}, {side}", of, corners, rounding, across))
+
+    for bar, pins in OUTLINES.items():
+        corners = [at[pin] for pin in pins if pin in at]
+        if len(corners) > 1:
+            layer = links.layer_of(bar)
+            add(bar, bar, corners, half_bar, layer, layer)
+    for axle, (one, other) in {"A": PHALANGES[:2], "B": PHALANGES[1:]}.items():
+        inner, outer = sorted((links.layer_of(one), links.layer_of(other)))
+        # On both phalanges: a bar that hangs on one of them touches that of the other.
+        for phalanx in (one, other):
+            radius = float(links.axle_diameter) / 2
+            add(f"axle {axle} of {phalanx}", phalanx, [at[axle]], radius, inner, outer)
+    half, last = float(links.shell) / 2, len(edges) - 1
+    palmar, dorsal = float(body.palmar) + half, float(body.dorsal) - half
+    middle, tip = float(body.intermediate), float(body.intermediate + body.distal)
+    spans = {"proximal": (-float(body.proximal), 0.0), "intermediate": (0.0, middle)}
+    spans["distal"] = (middle, tip)
+    for phalanx, (start, end) in spans.items():
+        for face, height in (("palmar", palmar), ("dorsal", dorsal)):
+            line = [(start + half, height), (end - half, height)]
+            add(f"{face} face of {phalanx}", phalanx, line, half, 1, last)
+    wall = [(tip - half, palmar), (tip - half, dorsal)]
+    add("tip", "distal", wall, half, 1, last)
+    return found
 
 
 def grasp_mjcf(finger: Finger, thing: Circle | None = None) -> str:
@@ -24,7 +74,8 @@ def grasp_mjcf(finger: Finger, thing: Circle | None = None) -> str:
 
     It has what `conditions.energy` has: the spring, the servo between the motor's angle (the
     control of the actuator `MOTOR`) and the crank, stops of PIP and DIP, and pads that touch an
-    object without friction. The proximal pad is there for objects that a user adds.
+    object without friction. The proximal pad is there for objects that a user adds. Parts touch
+    each other, but for those of bodies that share a pin; see `finger_volumes`.
 
     Args:
         finger: its body, pins and spring.
@@ -51,4 +102,5 @@ def grasp_mjcf(finger: Finger, thing: Circle | None = None) -> str:
             for name, (start, end) in ends.items()
         ],
         discs=discs,
+        volumes=finger_volumes(finger),
     )

@@ -24,7 +24,9 @@ from studies.models.linkage_design.forces import (
 )
 from studies.models.linkage_design.problem import (
     MOTOR,
+    PINCH,
     SYMBOLS,
+    TIP,
     from_faces,
     grid,
     pairs_on_links,
@@ -136,9 +138,9 @@ def judged(finger: Finger, limits: LimitsSpec, motor: MotorSpec) -> Verdict:
     checks = [
         Check("postures that assemble", square[..., 0].size, int(jnp.sum(poses.ok)), ""),
         Check("dyads from lock-up", limits.assembly, float(jnp.min(poses.margin))),
-        Check("turn of the crank per PIP", limits.turn, float(np.min(by_pip) / step), ""),
-        Check("turn of the crank per DIP", limits.turn, float(np.min(by_dip) / step), ""),
-        Check("turn of the plate per DIP", limits.turn, float(np.min(np.diff(plate)) / step), ""),
+        Check("crank closing with PIP", limits.turn, float(np.min(by_pip) / step), ""),
+        Check("crank closing with DIP", limits.turn, float(np.min(by_dip) / step), ""),
+        Check("plate turning with DIP", limits.turn, float(np.min(np.diff(plate)) / step), ""),
         Check("range of the crank", limits.crank_range_deg, crank_range, "°", False),
         *(
             Check(f"pins {pin_name(a)} and {pin_name(b)} apart", limits.spacing, apart[a, b])
@@ -202,9 +204,9 @@ def _inside(finger: Finger, pose: Pose, limits: LimitsSpec) -> list[Check]:
         if host != "proximal":  # whose body points from O to A, and is fixed
             origin = pose.joints["B" if host == "distal" else "A"]
             place = (place - origin).turned(pose.bodies[host].conjugate())
-        sides = faces_of(place, host, finger.body).values()
-        inside = min(float(jnp.min(side)) for side in sides)
-        checks.append(Check(f"pin {pin_name(name)} inside the {host} phalanx", keep, inside))
+        for side, distance in faces_of(place, host, finger.body).items():
+            requirement = f"pin {pin_name(name)} inside the {side}"
+            checks.append(Check(requirement, keep, float(jnp.min(distance))))
     return checks
 
 
@@ -224,8 +226,8 @@ def _strong(
         for parts in (stresses.bars, stresses.pins)
     )
     found = [
-        Check(f"pinch held at {limits.pinch_at:g} mm", limits.pinch_force, held, "N"),
-        Check("force at the tip", limits.tip_force, at_tip, "N"),
+        Check(PINCH, limits.pinch_force, held, "N"),
+        Check(TIP, limits.tip_force, at_tip, "N"),
     ]
     for part, stress, strength in (
         ("bars", bars, links.bar_strength),

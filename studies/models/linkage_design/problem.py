@@ -289,7 +289,7 @@ def _requirements(
 
     def pair(index: tuple[int, ...]) -> str:
         first, second = pairs[index[0]]
-        return f"distance of pins {pin_name(first)} and {pin_name(second)}"
+        return f"pins {pin_name(first)} and {pin_name(second)} apart"
 
     found = {
         name: Requirement(

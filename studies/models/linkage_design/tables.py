@@ -79,16 +79,28 @@ def layers(links: Links) -> Records:
 
 
 def requirements(limits: LimitsSpec, design: LinkageDesign) -> Records:
-    """Every requirement with what was achieved."""
+    """Every requirement with what was achieved, how far it is inside, and its price.
+
+    The price is by how much the least angle would rise, to first order, for one unit less asked.
+    """
     verdict, found = design.verdict, Records()
+    prices: dict[str, tuple[float, str]] = {}
+    for one in design.search.held_by():
+        name = one.words if one.name == "pins apart" else one.name
+        price = prices.get(name, (0.0, ""))[0] + float(np.rad2deg(one.price * ANGLE))
+        prices[name] = price, f"° per {one.unit or '1'}"
     angle = Check("transmission angle", limits.transmission_deg, verdict.least_deg, "°")
     for one in (angle, *verdict.checks, design.width):
+        price, per = prices.get(one.name, (0.0, ""))
         found.add(
             requirement=one.name,
             limit="at least" if one.at_least else "at most",
             required=one.required,
             achieved=one.achieved,
+            margin=one.slack,
             unit=one.unit,
+            price=price,
+            per=per,
             met="yes" if one.met else "no",
         )
     return found
