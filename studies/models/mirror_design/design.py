@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -126,9 +126,9 @@ def design_mirrors(finger: Finger, spec: MirrorSpec, context: Context) -> Mirror
 
     Returns:
         The trial of least objective among those that see everything with the resolution asked for
-        on a 1° grid; if none does, that of least objective and violation. ``verdict`` has which.
+        in all postures; if none does, that of least objective and violation. ``verdict`` has which.
     """
-    poor = poor_layout(finger, spec.camera)
+    poor = replace(poor_layout(finger, spec.camera), layers=spec.pads.layers())
     tasks = [
         Task.of(poor, spec, context.seed + number, stage.growth)
         for number, stage in enumerate(STAGES)
@@ -140,15 +140,21 @@ def design_mirrors(finger: Finger, spec: MirrorSpec, context: Context) -> Mirror
     for number, start in enumerate(starts):
         with context.step(f"T = {thickness:g} mm: start {number + 1} of {len(starts)}"):
             trials.append(search(start, limits, tasks))
-            verdicts.append(judged(eqx.combine(trials[-1].placement, poor)))
+            row = judged(eqx.combine(trials[-1].placement, poor), everywhere=False)
+            verdicts.append(row)
 
     def rank(number: int) -> tuple[bool, float]:
         fine, trial = verdicts[number].meets(spec.floor), trials[number]
         return not fine, trial.objective + (0.0 if fine else 100 * trial.violation)
 
-    chosen = min(range(len(trials)), key=rank)
-    best = eqx.combine(trials[chosen].placement, poor)
-    return MirrorDesign(best, trials, verdicts, tasks, chosen)
+    # All pairs of angles are judged of the best by their rows, until one of these meets them.
+    while True:
+        chosen = min(range(len(trials)), key=rank)
+        best = eqx.combine(trials[chosen].placement, poor)
+        if verdicts[chosen].worst is not None:
+            return MirrorDesign(best, trials, verdicts, tasks, chosen)
+        with context.step("All pairs of angles"):
+            verdicts[chosen] = judged(best)
 
 
 def _random(spec: MirrorSpec, task: Task, seed: int) -> list[Placement]:
@@ -256,7 +262,7 @@ def _violation(terms: Evaluation) -> float:
 def no_multipliers(task: Task) -> Multipliers:
     """Zeros: nothing is known of the inequalities yet."""
     places = task.plain * task.angles.shape[1]
-    return {"resolution": jnp.zeros((places, len(PHALANGES))), "clearance": jnp.zeros(2)}
+    return {"resolution": jnp.zeros((places, len(PHALANGES))), "clearance": jnp.zeros(3)}
 
 
 @jax.jit
@@ -287,7 +293,7 @@ def lagrangian(
 
     def of_rest(
         point: Float[Array, " parameters"],
-    ) -> tuple[Float[Array, ""], tuple[Float[Array, ""], Float[Array, "2"]]]:
+    ) -> tuple[Float[Array, ""], tuple[Float[Array, ""], Float[Array, "3"]]]:
         price, clearance = cost_and_clearance(build(point * units), task)
         return price + _unmet(clearance, multipliers["clearance"], penalty), (price, clearance)
 

@@ -15,15 +15,18 @@ from designopt.solution import Solution
 from optics import Pieces, Scene, find_coverage, find_views
 from optics.visibility.sharpness import find_sharpness
 from studies.models.finger import Finger
+from studies.models.mirror_design.postures import (
+    ROUNDING,
+    WorstPostures,
+    find_worst_postures,
+    whole_degrees,
+)
 from studies.models.mirror_design.seeing import together
 from studies.oracles.scenes import rounded, seen_by_fan
 
-ROUNDING = 1e-9
-"""A smaller part of a pad that is not seen is rounding."""
-
 
 class Verdict(eqx.Module):
-    """What is seen degree by degree; both joints bent alike (`seeing.together`).
+    """What is seen degree by degree, both joints bent alike, and at worst over all postures.
 
     Attributes:
         degrees: of both joints.
@@ -31,6 +34,8 @@ class Verdict(eqx.Module):
         single: the largest part that one path shows: 1 where one view shows all of the pad.
         px_per_mm: least resolution of each pad, each place in its best view; 0 if nothing is seen.
         views: the views themselves.
+        worst: over all pairs of angles, between the degrees too; ``None`` where only the row of
+            degrees is asked for, on which what is worst is then taken.
     """
 
     degrees: Float[np.ndarray, " poses"]
@@ -38,11 +43,13 @@ class Verdict(eqx.Module):
     single: Float[np.ndarray, "poses pads"]
     px_per_mm: Float[np.ndarray, "poses pads"]
     views: Solution[Pieces]
+    worst: WorstPostures | None = None
 
     @property
     def worst_coverage(self) -> float:
         """Least coverage of any pad in any posture; 1 but for rounding is 1."""
-        return _worst(self.coverage)
+        row = _worst(self.coverage)
+        return row if self.worst is None else min(row, self.worst.least_coverage)
 
     @property
     def in_single_views(self) -> float:
@@ -61,7 +68,8 @@ class Verdict(eqx.Module):
     @property
     def worst_px_per_mm(self) -> float:
         """Least resolution of any pad in any posture."""
-        return float(np.min(self.px_per_mm))
+        row = float(np.min(self.px_per_mm))
+        return row if self.worst is None else min(row, self.worst.least_px_per_mm)
 
 
 def _worst(coverage: np.ndarray) -> float:
@@ -74,14 +82,13 @@ def percent_at_least(part: float) -> str:
     return f"{math.floor(1e4 * part) / 100:g} %"
 
 
-def whole_degrees(range_deg: float) -> Float[np.ndarray, " poses"]:
-    """Every whole degree from straight to the end of the range, the end included."""
-    whole = np.arange(np.floor(range_deg) + 1.0)
-    return whole if whole[-1] == range_deg else np.append(whole, range_deg)
+def judged(finger: Finger, *, everywhere: bool = True) -> Verdict:
+    """What a finger's camera shows.
 
-
-def judged(finger: Finger) -> Verdict:
-    """What a finger's camera shows degree by degree."""
+    Args:
+        finger: with camera and mirrors.
+        everywhere: over all pairs of joint angles, not just degree by degree with both alike.
+    """
     scene, degrees = finger.scene(), whole_degrees(finger.body.range_deg)
     poses = together(jnp.deg2rad(jnp.asarray(degrees)))
     views = find_views(scene, poses)
@@ -89,7 +96,8 @@ def judged(finger: Finger) -> Verdict:
     paths = range(len(scene.layout.mirrors) + 1)
     single = np.max([views.value.seen(path) for path in paths], axis=0)
     coverage, px_per_mm = np.asarray(views.value.coverage()), sharp.px_per_mm[..., 0]
-    return Verdict(degrees, coverage, np.asarray(single), px_per_mm, views)
+    worst = find_worst_postures(finger) if everywhere else None
+    return Verdict(degrees, coverage, np.asarray(single), px_per_mm, views, worst)
 
 
 class Square(NamedTuple):

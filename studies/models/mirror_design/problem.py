@@ -22,7 +22,6 @@ from studies.models.mirror_design.seeing import (
     hidden_penalty,
     least_resolution,
     pad_lengths,
-    together,
 )
 from studies.models.mirror_design.spec import MirrorSpec
 
@@ -47,7 +46,8 @@ class Task(eqx.Module):
     Attributes:
         finger: whose camera and mirrors are placed.
         errors: of the finger of every look, in the order of `errors.NAMES`; 0 in the first ones.
-        angles: joint angles of every look's postures, rad.
+        angles: PIP and DIP in every look's postures, rad: all pairs of each joint's angles are
+            looked at sooner or later, by one look or another.
         floor: least resolution, px/mm.
         mirror_weight: price of 10 mm of mirror, in % of a pad that is not seen.
         clearance: of the mirrors from the camera's body, mm.
@@ -56,7 +56,7 @@ class Task(eqx.Module):
 
     finger: Finger
     errors: Float[Array, "looks 7"]
-    angles: Float[Array, "looks poses"]
+    angles: Float[Array, "looks poses 2"]
     floor: Float[Array, ""] = eqx.field(converter=as_float)
     mirror_weight: Float[Array, ""] = eqx.field(converter=as_float)
     clearance: Float[Array, ""] = eqx.field(converter=as_float)
@@ -72,15 +72,15 @@ class Task(eqx.Module):
             seed: of the copies' errors.
             growth: of the copies' errors, beyond `SearchSpec.spread`.
         """
-        search, range_deg = spec.search, finger.body.range_deg
+        search, ends = spec.search, np.deg2rad(finger.body.ranges_deg)
         plain = math.ceil(PLAIN / search.poses)
-        even = np.linspace(0.0, range_deg, plain * search.poses).reshape(plain, -1)
-        own = copies_angles_deg(range_deg, search.copies, search.poses)
+        even = np.linspace(0.0, 1.0, plain * search.poses).reshape(search.poses, plain).T
+        own = spread_angles(search.copies, search.poses)
         errors = spread_evenly(spec.tolerances, search.copies, seed) * search.spread * growth
         return cls(
             finger=finger,
             errors=jnp.asarray(np.pad(errors, ((plain, 0), (0, 0)))),
-            angles=jnp.asarray(np.deg2rad(np.concatenate([even, own]))),
+            angles=jnp.asarray(ends * np.concatenate([in_pairs(even), in_pairs(own)])),
             floor=spec.floor,
             mirror_weight=spec.search.mirror_weight,
             clearance=spec.room.clearance,
@@ -98,17 +98,22 @@ class Task(eqx.Module):
         return replace(self, errors=self.errors[:looks], angles=self.angles[:looks])
 
 
-def copies_angles_deg(
-    range_deg: float, copies: int, poses: int
-) -> Float[np.ndarray, "copies poses"]:
-    """Angles of every copy's postures, degrees: even, and of each copy shifted by another part.
+def spread_angles(copies: int, poses: int) -> Float[np.ndarray, "copies poses"]:
+    """Angles of every copy's postures over the range: even, of each copy shifted by another part.
 
     All copies together look at ``copies · poses`` different angles, so none is missed for long.
     """
-    step = range_deg / (poses - 1)
+    step = 1 / (poses - 1)
     shift = (np.arange(copies) * GOLDEN + 0.5) % 1 - 0.5
-    even = np.linspace(0, range_deg, poses)
-    return np.clip(even[None] + step * shift[:, None], 0, range_deg)
+    even = np.linspace(0, 1, poses)
+    return np.clip(even[None] + step * shift[:, None], 0, 1)
+
+
+def in_pairs(angles: Float[np.ndarray, "looks poses"]) -> Float[np.ndarray, "looks poses 2"]:
+    """Angles of both joints: in each look those of DIP are PIP's, turned by the look's number."""
+    looks, poses = angles.shape
+    turned = (np.arange(poses) + np.arange(looks)[:, None]) % poses
+    return np.stack([angles, np.take_along_axis(angles, turned, axis=1)], axis=-1)
 
 
 class Look(NamedTuple):
@@ -127,7 +132,7 @@ class Look(NamedTuple):
 def look(placement: Placement, task: Task, number: Int[Array, ""]) -> Look:
     """One look of a task at a placement."""
     scene = perturb(eqx.combine(placement, task.finger), task.errors[number]).scene()
-    views = find_views(scene, together(task.angles[number]))
+    views = find_views(scene, task.angles[number])
     sharp = least_resolution(views.value, pad_lengths(scene))
     hidden = jnp.mean(jnp.sum(hidden_penalty(views), axis=-1))
     return Look(hidden, sharp / (RESERVE * task.floor) - 1)
@@ -139,20 +144,29 @@ def clearances(finger: Finger) -> Float[Array, "2"]:
     Measured along x in the straight finger. Flexion only turns these ends away: a place (x, y)
     with y > 0 of the proximal phalanx goes towards −x, of the distal one towards +x.
     """
-    body = finger.camera_body()
+    body = finger.camera_corners()[:, 0]
     near = finger.mirrors[DISTAL].ends[0, 0] + finger.body.intermediate
-    left = jnp.minimum(body[0, 0], body[1, 0]) - finger.mirrors[PROXIMAL].ends[0, 0]
-    return jnp.stack([left, near - jnp.maximum(body[0, 0], body[1, 0])])
+    left = jnp.min(body) - finger.mirrors[PROXIMAL].ends[0, 0]
+    return jnp.stack([left, near - jnp.max(body)])
+
+
+def dorsal_room(finger: Finger) -> Float[Array, ""]:
+    """Room between the camera's body, tilted as it is, and the dorsal face, mm."""
+    return finger.body.dorsal - jnp.max(finger.camera_corners()[:, 1])
 
 
 def cost_and_clearance(
     placement: Placement, task: Task
-) -> tuple[Float[Array, ""], Float[Array, "2"]]:
-    """Mirror-length penalty and clearance constraints (≥ 0); neither needs ray tracing."""
+) -> tuple[Float[Array, ""], Float[Array, "3"]]:
+    """Mirror-length penalty and clearance constraints (≥ 0); neither needs ray tracing.
+
+    Of the mirrors from the camera's body, and of the body from the dorsal face, where it may touch.
+    """
     lengths = jnp.stack([mirror.length for mirror in placement.mirrors])
     cost = task.mirror_weight * jnp.sum(lengths) / 10
-    room = clearances(eqx.combine(placement, task.finger))
-    return cost, (room - task.clearance) / CLEARANCE_SCALE
+    finger = eqx.combine(placement, task.finger)
+    mirrors = clearances(finger) - task.clearance
+    return cost, jnp.append(mirrors, dorsal_room(finger)) / CLEARANCE_SCALE
 
 
 def terms_of(placement: Placement, task: Task) -> Evaluation:
@@ -160,7 +174,7 @@ def terms_of(placement: Placement, task: Task) -> Evaluation:
 
     The objective is, in % of a pad: what the copies do not see, what is not seen without errors,
     and the price of the mirrors. ``resolution`` has the shape (poses, pads) over the looks without
-    errors, ``clearance`` (2,).
+    errors, ``clearance`` (3,).
     """
     # One look after the other: all postures together would leave the cache.
     looks = jax.lax.map(lambda number: look(placement, task, number), jnp.arange(len(task.angles)))
@@ -176,13 +190,15 @@ def terms_of(placement: Placement, task: Task) -> Evaluation:
 def problem_of(spec: MirrorSpec, task: Task) -> Problem:
     """The problem in the form that all solvers take."""
     least, greatest = bounds(task.finger, spec)
-    degrees = np.rad2deg(task.angles[: task.plain]).ravel()
+    degrees = np.rad2deg(task.angles[: task.plain]).reshape(-1, 2)
 
     def resolution(at: tuple[int, ...]) -> str:
-        return f"resolution of the {PHALANGES[at[1]]} pad at {degrees[at[0]]:g}°"
+        pip, dip = degrees[at[0]]
+        return f"resolution of the {PHALANGES[at[1]]} pad at PIP {pip:g}°, DIP {dip:g}°"
 
     def clearance(at: tuple[int, ...]) -> str:
-        return f"the {('proximal', 'distal')[at[0]]} mirror beside the camera's body"
+        parts = "the proximal mirror", "the distal mirror", "the dorsal face"
+        return f"{parts[at[0]]} beside the camera's body"
 
     requirements = {
         "resolution": Requirement(resolution, "px/mm", RESERVE * spec.floor),

@@ -14,7 +14,7 @@ from designopt.batching import map_blocks
 from optics.visibility.coverage import find_coverage
 from studies.models.finger import Finger
 from studies.models.mirror_design.errors import NAMES, deviations, perturb, sample_errors
-from studies.models.mirror_design.judging import ROUNDING, whole_degrees
+from studies.models.mirror_design.postures import ROUNDING, whole_degrees
 from studies.models.mirror_design.seeing import together
 from studies.models.mirror_design.spec import ToleranceSpec
 
