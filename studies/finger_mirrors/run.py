@@ -129,15 +129,20 @@ def design(spec: FingerMirrorsSpec, folder: Path | None) -> Design:
         return Design(SCENE, DesignedScene.read(folder / "scene.toml"))
 
     def designed(context: Context) -> Finger:
-        return design_mirrors(Finger.of(Body.of(spec.body)), spec, context).finger
+        return design_mirrors(bare_finger(spec), spec, context).finger
 
     finger = packaged_or_designed(spec, DECIDING, designed)
     return Design(SCENE, designed_scene(finger, "finger-mirrors"))
 
 
+def bare_finger(spec: FingerMirrorsSpec) -> Finger:
+    """Body and pads, without camera and mirrors."""
+    return Finger.of(Body.of(spec.body), layers=spec.pads.layers())
+
+
 def find(spec: FingerMirrorsSpec, context: Context) -> JudgedMirrors:
     """Everything that is measured."""
-    finger = Finger.of(Body.of(spec.body))
+    finger = bare_finger(spec)
     found = design_mirrors(finger, spec, context)
     layouts = {START: poor_layout(finger, spec.camera), OPTIMUM: found.finger}
     if spec.body == BodySpec():
@@ -297,7 +302,7 @@ def add_tables(out: Report, spec: FingerMirrorsSpec, found: JudgedMirrors) -> No
     out.table("degrees", **degrees)
     made, starts = found.design, Records()
     for number, (trial, verdict) in enumerate(zip(made.trials, made.verdicts, strict=True)):
-        before = judging.judged(eqx.combine(trial.start, made.finger))
+        before = judging.judged(eqx.combine(trial.start, made.finger), everywhere=False)
         starts.add(
             start=f"random {number}" if number else "poor",
             mean_coverage_at_start=before.mean_coverage,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
@@ -12,8 +12,6 @@ from designopt.study.settings import setting
 
 Length = Annotated[float, Field(gt=0, le=1e3)]
 StrictLength = Annotated[Length, Field(strict=True)]
-Range = Annotated[float, Field(ge=2, le=100)]
-StrictRange = Annotated[Range, Field(strict=True)]
 
 
 def pad_gap(height: float, protrusion: float, clearance: float, flexion: float) -> float:
@@ -36,7 +34,7 @@ def pad_gap(height: float, protrusion: float, clearance: float, flexion: float) 
 class BodyTable(Spec):
     """``[body]``; see `finger.Body`, which is what is computed with.
 
-    ``range_deg`` is one number, or a pair of PIP and DIP.
+    ``range_deg`` may be written as a pair of PIP and DIP, too.
     """
 
     proximal: StrictLength
@@ -44,16 +42,28 @@ class BodyTable(Spec):
     distal: StrictLength
     thickness: StrictLength
     axis_height: StrictLength
-    range_deg: StrictRange | tuple[StrictRange, StrictRange]
+    range_deg: Annotated[float, Field(strict=True, ge=2, le=100)]
     rim: Annotated[float, Field(strict=True, ge=0, le=1e3)]
     protrusion: Annotated[float, Field(strict=True, ge=0, le=1e2)] = 0.0
     pad_clearance: Annotated[float, Field(strict=True, ge=0, le=1e2)] = 0.0
+    dip_range_deg: Annotated[float, Field(strict=True, ge=2, le=100)] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _range_of_each_joint(cls, data: Any) -> Any:
+        """A pair is that of PIP, and of DIP."""
+        if isinstance(data, dict) and isinstance(data.get("range_deg"), (list, tuple)):
+            pair = data["range_deg"]
+            if len(pair) != 2 or data.get("dip_range_deg") is not None:
+                raise ValueError("range_deg: write one number, or a pair of PIP and DIP")
+            data = data | {"range_deg": pair[0], "dip_range_deg": pair[1]}
+        return data
 
     @property
     def ranges_deg(self) -> tuple[float, float]:
         """Of PIP and DIP."""
-        one = self.range_deg
-        return one if isinstance(one, tuple) else (one, one)
+        dip = self.dip_range_deg
+        return self.range_deg, self.range_deg if dip is None else dip
 
     @property
     def gaps(self) -> tuple[float, float]:
@@ -98,11 +108,12 @@ class BodySpec(BodyTable):
     distal: Length = setting(32.0, "DIP axis to finger tip (mm)")
     thickness: Length = setting(25.0, "T, palmar to dorsal face (mm)")
     axis_height: Length = setting(4.0, "h, palmar face to the axes (mm)")
-    range_deg: Range | tuple[Range, Range] = setting(
-        90.0, "flexion of each joint from straight, or of [PIP, DIP] (degrees)"
-    )
+    range_deg: float = setting(90.0, "flexion of each joint from straight (degrees)", ge=2, le=100)
     rim: float = setting(1.5, "outer pads to the ends of the finger (mm)", ge=0, le=1e3)
     protrusion: float = setting(0.0, "membranes out of the palmar face (mm)", ge=0, le=1e2)
     pad_clearance: float = setting(
         0.0, "least clearance of neighbouring pads, layers too (mm)", ge=0, le=1e2
+    )
+    dip_range_deg: Annotated[float, Field(ge=2, le=100)] | None = setting(
+        None, "flexion of DIP, if it is not that of PIP (degrees)"
     )

@@ -76,13 +76,13 @@ class Body(eqx.Module):
     @classmethod
     def of(cls, table: BodyTable) -> Body:
         """That of a file or of settings."""
-        lengths = table.model_dump(exclude={"range_deg"})
+        lengths = table.model_dump(exclude={"range_deg", "dip_range_deg"})
         pip, dip = np.deg2rad(table.ranges_deg)
         return cls(**lengths, flexion=pip, dip_flexion=None if dip == pip else dip)
 
     @property
     def range_deg(self) -> float:
-        """Greatest flexion of both joints in degrees, a plain number: grids go so far."""
+        """Greatest flexion of any joint in degrees, a plain number: grids go so far."""
         return max(self.ranges_deg)
 
     @property
@@ -380,9 +380,9 @@ class Finger(eqx.Module):
         position = jnp.stack([camera.along, self.body.dorsal - camera.depth])
         sine, cosine = jnp.sin(camera.tilt), jnp.cos(camera.tilt)
         ahead, across = jnp.stack([sine, -cosine]), jnp.stack([cosine, sine])
-        middle = position - jnp.stack([jnp.asarray(one) for one in behind])[:, None] * ahead
         half = camera.width / 2 * across
-        return jnp.stack([middle - half, middle + half], axis=1)
+        middles = [position - one * ahead for one in behind]
+        return jnp.stack([jnp.stack([middle - half, middle + half]) for middle in middles])
 
     def scene(self) -> Scene:
         """Camera, mirrors, pads and shells; the intermediate phalanx is the world.

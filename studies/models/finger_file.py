@@ -6,6 +6,7 @@ No number in it follows from another. Lengths in mm, coordinates of the straight
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Callable
 from dataclasses import fields
@@ -346,6 +347,10 @@ def _from_specs(folder: Path) -> Finger:
         ) from error
     settings = _settings_beside(folder)
     axes = {"proximal": 0.0, "distal": middle}
+    range_deg = settings.get("body", {}).get("range_deg", 90.0)
+    # The pads stand where they are; what that leaves between them follows.
+    half, gap = math.radians(range_deg) / 2, -pads["proximal"].end[0]
+    between = 2 * (gap * math.cos(half) + palmar * math.sin(half))
 
     def mirror(phalanx: str, *ends: tuple[float, float]) -> dict[str, Any]:
         start, end = ([x - axes[phalanx], dorsal - y] for x, y in ends)
@@ -359,7 +364,8 @@ def _from_specs(folder: Path) -> Finger:
             "distal": tip - middle,
             "thickness": dorsal - palmar,
             "axis_height": -palmar,
-            "range_deg": settings.get("body", {}).get("range_deg", 90.0),
+            "range_deg": range_deg,
+            "pad_clearance": 0.0 if abs(between) < SAME else between,
             "rim": rear - root,
         },
         "pins": {pin_name(pin): place for pin, place in pins.items()},

@@ -133,10 +133,19 @@ def test_draws_have_the_stated_size_and_differ_from_the_copies():
 
 
 def test_copies_look_at_many_angles():
-    angles = problem.copies_angles_deg(90.0, 24, 8)
+    angles = 90 * problem.spread_angles(24, 8)
     assert angles.min() == 0
     assert angles.max() == 90
     assert np.max(np.diff(np.unique(angles))) < 2
+
+
+def test_looks_are_at_all_pairs():
+    """Each angle of PIP beside every distance of DIP's in the row, and no angle is left out."""
+    row = np.tile(np.arange(8.0), (8, 1))
+    pairs = problem.in_pairs(row)
+    assert {tuple(pair) for pair in pairs.reshape(-1, 2).tolist()} == {
+        (float(a), float(b)) for a in range(8) for b in range(8)
+    }
 
 
 def test_resolution_agrees_with_the_library(given, verdict):
@@ -209,8 +218,12 @@ def test_the_searchs_function_is_the_problems():
     task, penalty = problem.Task.of(POOR, SMALL, 0), 10.0
     point, build = off_kinks(POOR)
     places = SMALL.search.poses * task.plain
-    given = jnp.asarray(np.random.default_rng(0).uniform(0, 2, (places + 1, 3)))
-    multipliers = {"resolution": given[:places], "clearance": given[places, :2]}
+    given = jnp.asarray(np.random.default_rng(0).uniform(0, 2, (2, places + 1, 3)))
+    multipliers = {
+        "coverage": given[0, 1:],
+        "resolution": given[1, 1:],
+        "clearance": given[0, 0, :2],
+    }
 
     def found(point, copies):
         arguments = jnp.asarray(copies), jnp.asarray(penalty), multipliers
@@ -281,7 +294,10 @@ def test_the_yield_is_that_of_fingers_built_one_by_one(monkeypatch):
     monkeypatch.setattr(yields, "BLOCK", 4)
     errors = sample_errors(SPEC.tolerances, 6, 5)
     found = yields.coverages(GIVEN, errors)
-    poses = jnp.asarray(np.deg2rad(np.arange(91.0))[:, None] * np.ones(2))
+    whole = np.arange(91.0)
+    others = yields.postures(GIVEN)[91:]
+    assert set(others[:, 0]) == set(others[:, 1]) == set(whole)
+    poses = jnp.asarray(np.deg2rad(np.concatenate([whole[:, None] * np.ones(2), others])))
     for entries, coverage in zip(errors, found, strict=True):
         assembled = perturb(GIVEN, jnp.asarray(entries))
         scene = parse_scene(tomllib.loads(str(scene_file(assembled).content)))

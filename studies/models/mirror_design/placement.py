@@ -91,8 +91,9 @@ def bounds(finger: Finger, spec: MirrorSpec) -> tuple[Placement, Placement]:
     none), the dorsal face and the end wall. One end lies in the half next to the joint, and may
     reach beyond the joint's axis by the overhang (the reference layout's proximal mirror does so by
     4.16 mm: the cheeks that carry it enclose the joint), the other in the far half. That the
-    overhanging ends keep away from the camera's body, and this inside the dorsal face, are
-    inequalities (`problem.clearances`). Reaches of layers are shares of what is free; those of
+    overhanging ends keep away from the camera's body is an inequality (`problem.clearances`), and
+    that this stays inside the dorsal face, however it is tilted, is so by construction
+    (`problem.put_in`). Reaches of layers are shares of what is free; those of
     layers that end at the membrane stay 0.
 
     Returns:

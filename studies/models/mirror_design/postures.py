@@ -7,6 +7,7 @@ on: where one view hands over to another what is seen has kinks, on which no slo
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -43,6 +44,8 @@ ROUNDS = 14
 
 ROUNDING = 1e-9
 """A smaller part of a pad that is not seen is rounding."""
+
+GOLDEN = (math.sqrt(5) - 1) / 2
 
 HALVINGS = 12
 """Of the transmission that is looked for: to 2e-4."""
@@ -85,6 +88,13 @@ class WorstPostures(NamedTuple):
     px_per_mm: tuple[Worst, ...]
     blur_px: tuple[Worst, ...]
     transmission: float | None
+
+    @property
+    def postures(self) -> Float[np.ndarray, "worst 2"]:
+        """PIP and DIP where some of a pad is hidden, and where it is least sharp, rad."""
+        hidden = [one for one in self.coverage if one.value < 1 - ROUNDING]
+        both = [(one.pip_deg, one.dip_deg) for one in (*hidden, *self.px_per_mm)]
+        return np.deg2rad(both)
 
     @property
     def least_coverage(self) -> float:
@@ -166,6 +176,13 @@ def whole_degrees(range_deg: float) -> Float[np.ndarray, " poses"]:
     """Every whole degree from straight to the end of the range, the end included."""
     whole = np.arange(np.floor(range_deg) + 1.0)
     return whole if whole[-1] == range_deg else np.append(whole, range_deg)
+
+
+def crossed(angles: Float[np.ndarray, " poses"]) -> Float[np.ndarray, " poses"]:
+    """The same angles in another order, in which each is far from its place, up and down alike."""
+    count = len(angles)
+    steps = (step for step in range(round(count * GOLDEN), count) if math.gcd(step, count) == 1)
+    return angles[np.arange(count) * next(steps, 1) % count]
 
 
 def _fine_rows(ends: Float[np.ndarray, "2"]) -> list[Float[np.ndarray, "poses 2"]]:

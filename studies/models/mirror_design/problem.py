@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -15,9 +16,10 @@ from jaxtyping import Array, Float, Int
 from designopt.numerics import as_float
 from designopt.optimize import Evaluation, Problem, Requirement
 from optics.visibility.coverage import find_views
-from studies.models.finger import PHALANGES, Finger
+from studies.models.finger import PHALANGES, Finger, camera_of
 from studies.models.mirror_design.errors import perturb, spread_evenly
 from studies.models.mirror_design.placement import DISTAL, PROXIMAL, Placement, bounds, scale
+from studies.models.mirror_design.postures import GOLDEN
 from studies.models.mirror_design.seeing import (
     hidden_penalty,
     least_resolution,
@@ -32,10 +34,11 @@ RESERVE = 1.08
 """Resolution is asked for with so much to spare, for the search looks at every second degree: where
 one view hands over to the other it dips within a degree or two, by 4 % between these."""
 
+HIDDEN_SCALE = 0.01
+"""A part of a pad that is not seen without errors, and counts as 1."""
+
 CLEARANCE_SCALE = 10.0
 """A clearance that is missing by so much, mm, counts as 1."""
-
-GOLDEN = (math.sqrt(5) - 1) / 2
 
 
 class Task(eqx.Module):
@@ -92,6 +95,11 @@ class Task(eqx.Module):
         """How many copies with errors are looked at."""
         return len(self.angles) - self.plain
 
+    def looking_at(self, postures: Float[np.ndarray, "worst 2"], number: int) -> Task:
+        """The same with other postures (PIP and DIP, rad) in one of the looks without errors."""
+        own = np.resize(postures, self.angles.shape[1:])
+        return replace(self, angles=self.angles.at[number].set(own))
+
     def first(self, copies: int) -> Task:
         """The same with the first copies only."""
         looks = self.plain + copies
@@ -122,20 +130,22 @@ class Look(NamedTuple):
     Attributes:
         missing: part of a pad that is not seen (`hidden_penalty`), mean over postures, summed
             over pads.
-        resolution: level of the inequality (≥ 0).
+        levels: of the inequalities (≥ 0) by name: ``coverage``, which only 0 meets, and
+            ``resolution``.
     """
 
     missing: Float[Array, ""]
-    resolution: Float[Array, "poses pads"]
+    levels: dict[str, Float[Array, "poses pads"]]
 
 
 def look(placement: Placement, task: Task, number: Int[Array, ""]) -> Look:
     """One look of a task at a placement."""
-    scene = perturb(eqx.combine(placement, task.finger), task.errors[number]).scene()
+    scene = perturb(put_in(placement, task.finger), task.errors[number]).scene()
     views = find_views(scene, task.angles[number])
     sharp = least_resolution(views.value, pad_lengths(scene))
-    hidden = jnp.mean(jnp.sum(hidden_penalty(views), axis=-1))
-    return Look(hidden, sharp / (RESERVE * task.floor) - 1)
+    hidden = hidden_penalty(views)
+    levels = {"coverage": -hidden / HIDDEN_SCALE, "resolution": sharp / (RESERVE * task.floor) - 1}
+    return Look(jnp.mean(jnp.sum(hidden, axis=-1)), levels)
 
 
 def clearances(finger: Finger) -> Float[Array, "2"]:
@@ -155,36 +165,40 @@ def dorsal_room(finger: Finger) -> Float[Array, ""]:
     return finger.body.dorsal - jnp.max(finger.camera_corners()[:, 1])
 
 
+def put_in(placement: Placement, finger: Finger) -> Finger:
+    """The finger with a placement, its camera so deep that its body is inside the dorsal face."""
+    made = eqx.combine(placement, finger)
+    camera = camera_of(made)
+    deeper = camera.depth + jnp.maximum(-dorsal_room(made), 0.0)
+    return replace(made, camera=replace(camera, depth=deeper))
+
+
 def cost_and_clearance(
     placement: Placement, task: Task
-) -> tuple[Float[Array, ""], Float[Array, "3"]]:
-    """Mirror-length penalty and clearance constraints (≥ 0); neither needs ray tracing.
-
-    Of the mirrors from the camera's body, and of the body from the dorsal face, where it may touch.
-    """
+) -> tuple[Float[Array, ""], Float[Array, "2"]]:
+    """Mirror-length penalty and clearance constraints (≥ 0); neither needs ray tracing."""
     lengths = jnp.stack([mirror.length for mirror in placement.mirrors])
     cost = task.mirror_weight * jnp.sum(lengths) / 10
-    finger = eqx.combine(placement, task.finger)
-    mirrors = clearances(finger) - task.clearance
-    return cost, jnp.append(mirrors, dorsal_room(finger)) / CLEARANCE_SCALE
+    room = clearances(put_in(placement, task.finger))
+    return cost, (room - task.clearance) / CLEARANCE_SCALE
 
 
 def terms_of(placement: Placement, task: Task) -> Evaluation:
     """Objective and inequalities (≥ 0) of a placement, all of order one; differentiable.
 
     The objective is, in % of a pad: what the copies do not see, what is not seen without errors,
-    and the price of the mirrors. ``resolution`` has the shape (poses, pads) over the looks without
-    errors, ``clearance`` (3,).
+    and the price of the mirrors. ``coverage`` and ``resolution`` have the shape (poses, pads) over
+    the looks without errors, ``clearance`` (2,).
     """
     # One look after the other: all postures together would leave the cache.
     looks = jax.lax.map(lambda number: look(placement, task, number), jnp.arange(len(task.angles)))
     cost, clearance = cost_and_clearance(placement, task)
     hidden = jnp.mean(looks.missing[: task.plain]) + jnp.mean(looks.missing[task.plain :])
-    sharp = looks.resolution[: task.plain]
-    return Evaluation(
-        objective=100 * hidden + cost,
-        inequalities={"resolution": sharp.reshape(-1, sharp.shape[-1]), "clearance": clearance},
-    )
+    own = {
+        name: level[: task.plain].reshape(-1, level.shape[-1])
+        for name, level in looks.levels.items()
+    }
+    return Evaluation(objective=100 * hidden + cost, inequalities=own | {"clearance": clearance})
 
 
 def problem_of(spec: MirrorSpec, task: Task) -> Problem:
@@ -192,16 +206,16 @@ def problem_of(spec: MirrorSpec, task: Task) -> Problem:
     least, greatest = bounds(task.finger, spec)
     degrees = np.rad2deg(task.angles[: task.plain]).reshape(-1, 2)
 
-    def resolution(at: tuple[int, ...]) -> str:
+    def of_pad(what: str, at: tuple[int, ...]) -> str:
         pip, dip = degrees[at[0]]
-        return f"resolution of the {PHALANGES[at[1]]} pad at PIP {pip:g}°, DIP {dip:g}°"
+        return f"{what} of the {PHALANGES[at[1]]} pad at PIP {pip:g}°, DIP {dip:g}°"
 
     def clearance(at: tuple[int, ...]) -> str:
-        parts = "the proximal mirror", "the distal mirror", "the dorsal face"
-        return f"{parts[at[0]]} beside the camera's body"
+        return f"the {('proximal', 'distal')[at[0]]} mirror beside the camera's body"
 
     requirements = {
-        "resolution": Requirement(resolution, "px/mm", RESERVE * spec.floor),
+        "coverage": Requirement(partial(of_pad, "coverage"), "%", 100 * HIDDEN_SCALE),
+        "resolution": Requirement(partial(of_pad, "resolution"), "px/mm", RESERVE * spec.floor),
         "clearance": Requirement(clearance, "mm", CLEARANCE_SCALE),
     }
     return Problem(terms_of, least, greatest, scale(task.finger), requirements, data=(task,))
