@@ -300,6 +300,7 @@ def add_tables(out: Report, spec: FingerMirrorsSpec, found: JudgedMirrors) -> No
         degrees[f"{pad}_px_per_mm"] = after.verdict.px_per_mm[:, index]
         degrees[f"{pad}_yield"] = after.share.by_pose[:, index]
     out.table("degrees", **degrees)
+    out.table("worst", worst_rows(after.verdict))
     made, starts = found.design, Records()
     for number, (trial, verdict) in enumerate(zip(made.trials, made.verdicts, strict=True)):
         before = judging.judged(eqx.combine(trial.start, made.finger), everywhere=False)
@@ -330,6 +331,18 @@ def add_tables(out: Report, spec: FingerMirrorsSpec, found: JudgedMirrors) -> No
         greatest_over_deviation=greatest,
     )
     out.table("rays", found.rays)
+
+
+def worst_rows(verdict: judging.Verdict) -> Records:
+    """What is worst of every pad, and where; a pad that is wholly seen is so everywhere."""
+    rows, worst = Records(), verdict.worst
+    assert worst is not None  # of a design
+    kinds = {"coverage": worst.coverage, "px/mm": worst.px_per_mm, "blur (px)": worst.blur_px}
+    for quantity, pads in kinds.items():
+        for one in pads:
+            place = {"pip_deg": one.pip_deg, "dip_deg": one.dip_deg}
+            rows.add(quantity=quantity, pad=one.pad, value=one.value, **place)
+    return rows
 
 
 def _numbers(finger: Finger) -> list[float]:

@@ -29,7 +29,7 @@ from optics.scene.layers import LayerKinds
 from optics.scene.scene import WORLD, Frame, Layout, Scene, Surface
 from optics.scene.thin_lens import ThinLens
 from studies.models.body import BodyTable
-from studies.models.pad_layers import PadLayers
+from studies.models.pad_layers import PadLayers, Room
 from studies.models.pins import Pins, pin_name
 
 Drive = Literal["joints", "crank"]
@@ -112,6 +112,11 @@ class Body(eqx.Module):
             for end in self.flexions
         )
         return pip, dip
+
+    @property
+    def room(self) -> Room:
+        """What is free for layers on the pads."""
+        return Room(self.gaps, self.flexions, self.pad_clearance, self.rim)
 
     @property
     def membrane(self) -> Number:
@@ -432,7 +437,7 @@ class Finger(eqx.Module):
                 kinds,
                 sold=camera.module is not None,
             ),
-            layers=None if layers is None else layers.on_pads(self.body),
+            layers=None if layers is None else layers.on_pads(self.body.room),
         )
 
 

@@ -14,7 +14,7 @@ they are, nothing meets.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -22,9 +22,6 @@ from jaxtyping import Array, Float
 
 from designopt.numerics import as_float
 from optics.scene.layers import CHANNELS, EndKind, LayerKinds, Layers
-
-if TYPE_CHECKING:
-    from studies.models.finger import Body
 
 ACRYLIC, SILICONE = 1.49, 1.41
 """Indices of refraction."""
@@ -36,6 +33,22 @@ WALL = 0.5
 """Of the end wall that holds the outer ends of layers, mm: an assumption of this project."""
 
 Number = Float[Array, "*batch"]
+
+
+class Room(NamedTuple):
+    """What the body leaves free for layers.
+
+    Attributes:
+        gaps: from PIP and DIP axis to the membranes beside it, mm.
+        flexions: greatest flexion of PIP and DIP, rad.
+        clearance: least one of neighbouring pads, mm.
+        rim: from a membrane's outer end to the end of the finger, mm.
+    """
+
+    gaps: tuple[Number, Number]
+    flexions: tuple[Number, Number]
+    clearance: Number
+    rim: Number
 
 
 class PadLayers(eqx.Module):
@@ -71,7 +84,7 @@ class PadLayers(eqx.Module):
         """What the faces of the layers on so many pads are."""
         return ((LayerKinds(self.ends, self.ends, "black"),) * self.thickness.shape[-1],) * pads
 
-    def reaches(self, body: Body) -> Float[Array, "3 layers 2 2"]:
+    def reaches(self, room: Room) -> Float[Array, "3 layers 2 2"]:
         """How far the ends of layers stand beyond the membranes, mm.
 
         Returns:
@@ -79,16 +92,16 @@ class PadLayers(eqx.Module):
             upper edge.
         """
         pip, dip = (
-            self.reach * free_reach(body, self.levels, gap, end)
-            for gap, end in zip(body.gaps, body.flexions, strict=True)
+            self.reach * free_reach(room, self.levels, gap, end)
+            for gap, end in zip(room.gaps, room.flexions, strict=True)
         )
-        outer = self.outer_reach * jnp.maximum(body.rim - self.wall, 0.0)
+        outer = self.outer_reach * jnp.maximum(room.rim - self.wall, 0.0)
         ends = (outer, pip), (pip, dip), (dip, outer)
         return jnp.stack([jnp.stack(both, axis=1) for both in ends])
 
-    def on_pads(self, body: Body) -> Layers:
+    def on_pads(self, room: Room) -> Layers:
         """The layers of a scene, on the pads of the proximal, intermediate and distal phalanx."""
-        lower, upper = jnp.moveaxis(self.reaches(body), -1, 0)
+        lower, upper = jnp.moveaxis(self.reaches(room), -1, 0)
         pads, count = lower.shape[:2]
         thickness = jnp.broadcast_to(self.thickness, (pads, count))
         nothing = jnp.zeros((pads, 2), thickness.dtype)
@@ -104,15 +117,15 @@ class PadLayers(eqx.Module):
 
 
 def free_reach(
-    body: Body, level: Float[Array, "*levels"], gap: Number, flexion: Number
+    room: Room, level: Float[Array, "*levels"], gap: Number, flexion: Number
 ) -> Float[Array, "*levels"]:
     """How far a layer may stand beyond a membrane at a joint, mm.
 
     Args:
-        body: has the least clearance.
+        room: has the least clearance.
         level: height above the membrane, mm.
         gap: from the joint's axis to the membrane, mm.
         flexion: greatest flexion of the joint, rad.
     """
-    straight = gap - body.pad_clearance / 2
+    straight = gap - room.clearance / 2
     return jnp.minimum(level * jnp.tan(flexion / 2), jnp.maximum(straight, 0.0))

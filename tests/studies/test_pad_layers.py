@@ -185,7 +185,7 @@ def test_rays_see_the_same(ends):
         plain = read(posed_tables(tables, {"pip": pip, "dip": dip}))
         rays = oracle.coverage(plain, oracle.runs(plain, 1500))
         np.testing.assert_allclose(exact, rays, atol=1e-9)
-        assert np.min(rays) < 0.99
+        assert np.min(rays) < 0.995
 
 
 def test_slopes_are_central_differences():

@@ -62,7 +62,7 @@ STEPS = 60
 """Cap on steps of a stage, each of them one evaluation of the slope."""
 
 EXCHANGES = 4
-"""How often postures that the verdict names are looked at, too."""
+"""How often postures that the verdict names are looked at, too, of the trial that seems best."""
 
 SHARE = 0.1
 """Of the Lagrangian, which is what the solver sees: its first steps, for it begins with the
@@ -157,11 +157,12 @@ def design_mirrors(finger: Finger, spec: MirrorSpec, context: Context) -> Mirror
         return not fine, trial.objective + (0.0 if fine else 100 * trial.violation)
 
     # All pairs of angles are judged of the best by their rows, until one of these meets them.
+    exchanges = EXCHANGES
     while verdicts[chosen := min(range(len(trials)), key=rank)].worst is None:
         with context.step("All pairs of angles"):
-            trials[chosen], verdicts[chosen] = _with_worst(
-                trials[chosen], poor, tasks, limits, spec
-            )
+            better = _with_worst(trials[chosen], poor, tasks, limits, spec.floor, exchanges)
+        trials[chosen], verdicts[chosen] = better
+        exchanges = 0
     best = put_in(trials[chosen].placement, poor)
     return MirrorDesign(best, trials, verdicts, tasks, chosen)
 
@@ -171,7 +172,8 @@ def _with_worst(
     poor: Finger,
     tasks: Sequence[Task],
     limits: tuple[Placement, Placement],
-    spec: MirrorSpec,
+    floor: float,
+    exchanges: int,
 ) -> tuple[Trial, Verdict]:
     """A trial searched on with the postures that are worst in it, and the verdict on it.
 
@@ -181,8 +183,8 @@ def _with_worst(
     """
     best = trial, judged(put_in(trial.placement, poor))
     task, now = tasks[-1], best
-    for number in range(min(EXCHANGES, task.plain)):
-        if best[1].meets(spec.floor):
+    for number in range(min(exchanges, task.plain)):
+        if best[1].meets(floor):
             break
         worst = now[1].worst
         assert worst is not None  # as it is judged everywhere
@@ -191,7 +193,7 @@ def _with_worst(
         more = more._replace(start=trial.start, steps=more.steps + now[0].steps)
         more = more._replace(seconds=more.seconds + now[0].seconds)
         now = more, judged(put_in(more.placement, poor))
-        best = max(best, now, key=lambda one: one[1].quality(spec.floor))
+        best = max(best, now, key=lambda one: one[1].quality(floor))
     return best
 
 

@@ -70,9 +70,7 @@ class Verdict(eqx.Module):
         return self.worst_coverage == 1.0 and self.worst_px_per_mm >= floor
 
     def quality(self, floor: float) -> tuple[float, float]:
-        """What is better is greater: coverage of the least seen pad, then resolution up to a floor
-        (px/mm).
-        """
+        """Greater is better: coverage, then resolution (px/mm) up to what is asked for."""
         return self.worst_coverage, min(self.worst_px_per_mm, floor)
 
     @property
@@ -165,7 +163,8 @@ def seen_by_rays(
             hundredth of them is enough.
     """
     if scene.layers is not None:
-        return np.stack([_through_layers(scene, *pair, max(rays // 100, 500)) for pair in degrees])
+        few = max(rays // 100, 500)
+        return np.stack([_through_layers(scene, pip, dip, few) for pip, dip in degrees.tolist()])
     angles = np.deg2rad(degrees).tolist()
     poses = [scene.pose({"pip": pip, "dip": dip}) for pip, dip in angles]
     return np.stack([seen_by_fan(rounded(scene, pose), rays).coverage for pose in poses])

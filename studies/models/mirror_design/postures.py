@@ -33,14 +33,14 @@ FINE = 5
 ROWS = 4
 """Angles of the other joint for which there is a finer row."""
 
-KEPT, APART_DEG = 6, 3.0
+KEPT, APART_DEG = 4, 3.0
 """Postures of each pad from which smaller grids lead on, and how far they are apart."""
 
 AROUND = np.linspace(-1.0, 1.0, 5)
 """Of a smaller grid, along both joints."""
 
-ROUNDS = 14
-"""Smaller grids, each half as wide: 1° / 2¹⁴ is 0.2″."""
+ROUNDS = 10
+"""Smaller grids, each half as wide: 1° / 2¹⁰ is 4″."""
 
 ROUNDING = 1e-9
 """A smaller part of a pad that is not seen is rounding."""
