@@ -212,7 +212,7 @@ def add_metrics(out: Report, spec: FingerMirrorsSpec, found: JudgedMirrors) -> N
         square_poses=square.coverage[..., 0].size,
         row_poses=len(square.coverage),
         row_rounding=ROW_ROUNDING,
-        random_starts=len(reached) - 1,
+        random_starts=spec.search.starts,
     )
     out.metrics(
         start_coverage=cases[START].verdict.mean_coverage,
@@ -224,7 +224,7 @@ def add_metrics(out: Report, spec: FingerMirrorsSpec, found: JudgedMirrors) -> N
         yield_high=after.share.high,
         mirror_mm=after.mirror_mm,
         single_view_postures=after.verdict.in_single_views,
-        starts_reached=sum(reached[1:]),
+        starts_reached=sum(reached[1 : spec.search.starts + 1]),
         row_disagreement=square.disagreement,
         row_speedup=square.speedup,
     )
@@ -257,7 +257,7 @@ def add_findings(out: Report, spec: FingerMirrorsSpec, found: JudgedMirrors) -> 
         "starts",
         reached="reached" if whole[0] else "did not reach",
         px_per_mm=found.design.verdicts[0].worst_px_per_mm,
-        whole=sum(whole[1:]),
+        whole=sum(whole[1 : spec.search.starts + 1]),
     )
     doubled = {name: 100 * one.value for name, one in found.sensitivity.doubled.items()}
     worst = min(doubled, key=lambda name: doubled[name])
@@ -302,10 +302,11 @@ def add_tables(out: Report, spec: FingerMirrorsSpec, found: JudgedMirrors) -> No
     out.table("degrees", **degrees)
     out.table("worst", worst_rows(after.verdict))
     made, starts = found.design, Records()
+    names = ["poor", *(f"random {number + 1}" for number in range(spec.search.starts)), GIVEN]
     for number, (trial, verdict) in enumerate(zip(made.trials, made.verdicts, strict=True)):
         before = judging.judged(eqx.combine(trial.start, made.finger), everywhere=False)
         starts.add(
-            start=f"random {number}" if number else "poor",
+            start=names[number],
             mean_coverage_at_start=before.mean_coverage,
             objective=trial.objective,
             violation=trial.violation,

@@ -245,8 +245,9 @@ def test_the_searchs_function_is_the_problems():
         jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-12), terms, same)
     steps = 1e-6 * np.eye(len(point))
     rise = np.array([found(point + one, 2)[0] - found(point - one, 2)[0] for one in steps])
-    # Rounding of values up to 1000, over the step.
-    np.testing.assert_allclose(slope, rise / 2e-6, rtol=1e-5, atol=1e-5)
+    # Rounding of the value, over the step.
+    rounding = 50 * np.finfo(float).eps * abs(value) / 2e-6
+    np.testing.assert_allclose(slope, rise / 2e-6, rtol=1e-5, atol=max(rounding, 1e-5))
     assert np.max(np.abs(slope)) > 1
 
 

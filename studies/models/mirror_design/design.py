@@ -28,7 +28,14 @@ from designopt.optimize import Evaluation, draw_sobol_starts
 from designopt.study.study import Context
 from studies.models.finger import PHALANGES, Finger
 from studies.models.mirror_design.judging import Verdict, judged
-from studies.models.mirror_design.placement import Placement, bounds, free_part, poor_layout, scale
+from studies.models.mirror_design.placement import (
+    Placement,
+    bounds,
+    free_part,
+    poor_layout,
+    reference_layout,
+    scale,
+)
 from studies.models.mirror_design.problem import (
     Look,
     Task,
@@ -102,7 +109,8 @@ class MirrorDesign:
 
     Attributes:
         finger: with its camera and mirrors.
-        trials: what every start led to: the poor one first, then the random ones.
+        trials: what every start led to: the poor one first, then the random ones; of layered pads
+            the reference layout, which is one for bare pads, last.
         verdicts: on every trial.
         tasks: of all stages.
         chosen: index of the trial that was taken.
@@ -145,6 +153,9 @@ def design_mirrors(finger: Finger, spec: MirrorSpec, context: Context) -> Mirror
     ]
     limits = bounds(poor, spec)
     starts = [free_part(poor), *_random(spec, tasks[-1], context.seed)]
+    if poor.layers is not None:
+        known = replace(reference_layout(finger, spec.camera), layers=poor.layers)
+        starts.append(free_part(known))
     thickness = float(finger.body.thickness)
     trials, verdicts = [], []
     for number, start in enumerate(starts):

@@ -34,7 +34,7 @@ RESERVE = 1.08
 """Resolution is asked for with so much to spare, for the search looks at every second degree: where
 one view hands over to the other it dips within a degree or two, by 4 % between these."""
 
-HIDDEN_SCALE = 0.01
+HIDDEN_SCALE = 0.1
 """A part of a pad that is not seen without errors, and counts as 1."""
 
 CLEARANCE_SCALE = 10.0
