@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix as optx
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
@@ -45,6 +46,7 @@ from studies.models.mirror_design.problem import (
     put_in,
 )
 from studies.models.mirror_design.spec import MirrorSpec
+from studies.models.mirror_design.yields import monte_carlo
 
 Multipliers = dict[str, Float[Array, "..."]]
 """Of the inequalities, by name."""
@@ -70,6 +72,12 @@ STEPS = 60
 
 EXCHANGES = 4
 """How often postures that the verdict names are looked at, too, of the trial that seems best."""
+
+HIDDEN = 0.01
+"""Of a pad: where more of it is hidden without errors, these do not matter yet."""
+
+DRAWS = 100
+"""Of errors, by which trials that meet the requirements are told apart."""
 
 SHARE = 0.1
 """Of the Lagrangian, which is what the solver sees: its first steps, for it begins with the
@@ -143,8 +151,9 @@ def design_mirrors(finger: Finger, spec: MirrorSpec, context: Context) -> Mirror
             type is that of the study that runs.
 
     Returns:
-        The trial of least objective among those that see everything with the resolution asked for
-        in all postures; if none does, that of least objective and violation. ``verdict`` has which.
+        Of the trials that see everything with the resolution asked for in all postures, the one
+        that still does so most often with errors; if none does, that of least objective and
+        violation. ``verdict`` has which.
     """
     poor = replace(poor_layout(finger, spec.camera), layers=spec.pads.layers())
     tasks = [
@@ -163,9 +172,21 @@ def design_mirrors(finger: Finger, spec: MirrorSpec, context: Context) -> Mirror
             trials.append(search(start, limits, tasks))
             verdicts.append(judged(put_in(trials[-1].placement, poor), everywhere=False))
 
-    def rank(number: int) -> tuple[bool, float]:
-        fine, trial = verdicts[number].meets(spec.floor), trials[number]
-        return not fine, trial.objective + (0.0 if fine else 100 * trial.violation)
+    def share(number: int) -> float:
+        """The yield by few draws, for the objective's copies have larger errors."""
+        with context.step("Yield of a start"):
+            made = put_in(trials[number].placement, poor)
+            return monte_carlo(made, spec.tolerances, draws=DRAWS, seed=context.seed + 1).value
+
+    shares: dict[int, float] = {}
+
+    def rank(number: int) -> tuple[bool, float, float]:
+        trial = trials[number]
+        if not verdicts[number].meets(spec.floor):
+            return True, 0.0, trial.objective + 100 * trial.violation
+        if number not in shares:
+            shares[number] = share(number)
+        return False, -shares[number], trial.objective
 
     # All pairs of angles are judged of the best by their rows, until one of these meets them.
     exchanges = EXCHANGES
@@ -194,13 +215,15 @@ def _with_worst(
     """
     best = trial, judged(put_in(trial.placement, poor))
     task, now = tasks[-1], best
+    # What is not even seen without errors is looked for without copies, all but one.
+    copies = None if np.min(best[1].coverage) >= 1 - HIDDEN else 1
     for number in range(min(exchanges, task.plain)):
         if best[1].meets(floor):
             break
         worst = now[1].worst
         assert worst is not None  # as it is judged everywhere
         task = task.looking_at(worst.postures, number)
-        more = search(now[0].placement, limits, [task], stages=STAGES[-1:])
+        more = search(now[0].placement, limits, [task], copies, stages=STAGES[-1:])
         more = more._replace(start=trial.start, steps=more.steps + now[0].steps)
         more = more._replace(seconds=more.seconds + now[0].seconds)
         now = more, judged(put_in(more.placement, poor))
