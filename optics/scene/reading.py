@@ -125,7 +125,7 @@ def build_scene(file: SceneFile, source: str) -> Scene:
         sheets=sheets if any(sheets) else (),
     )
     return Scene(
-        camera=_camera(file.camera),
+        camera=build_camera(file.camera),
         mirrors=_ends(file.mirrors),
         radii=jnp.asarray([file.mirrors[i].radius for i in curved], float),
         conics=jnp.asarray([file.mirrors[i].conic or 0.0 for i in curved], float),
@@ -208,7 +208,8 @@ def _ends(tables: Sequence[SurfaceTable]) -> Float[Array, "surfaces 2 2"]:
     return jnp.asarray(np.reshape([(part.start, part.end) for part in tables], (-1, 2, 2)), float)
 
 
-def _camera(table: CameraTable) -> Camera:
+def build_camera(table: CameraTable) -> Camera:
+    """The camera of ``[camera]`` of a file."""
     sold, size = table.sold, table.format
     sensor, field = None, math.radians(table.section_fov_deg)
     if sold is not None and size is not None:

@@ -54,7 +54,7 @@ def scene_tables(scene: Scene) -> dict[str, Any]:
             pad |= {} if math.isnan(width) else {"width": width}
     if scene.layers is not None:
         pads = [pad | _layers(scene.layers, layout, i) for i, pad in enumerate(pads)]
-    camera = _camera(scene.camera)
+    camera = camera_table(scene.camera)
     if layout.camera_frame != WORLD:
         camera["body"] = names[layout.camera_frame]
     hinges = np.asarray(scene.hinges, float).tolist()
@@ -113,7 +113,8 @@ def write_scene(scene: Scene, path: str | Path) -> None:
         partial.write_text(format_scene(scene), encoding="utf-8")
 
 
-def _camera(camera: Camera) -> dict[str, Any]:
+def camera_table(camera: Camera) -> dict[str, Any]:
+    """``[camera]`` of a scene's file; see `scene_tables`."""
     table: dict[str, Any] = {
         "position": np.asarray(camera.position, float).tolist(),
         "direction_deg": degrees_of(float(camera.direction)),

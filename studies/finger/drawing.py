@@ -48,11 +48,17 @@ def finger_quantities(finger: Finger) -> list[Quantity]:
     """Every number of linkage, scene, body and spring, by the part that it belongs to."""
     body, spring = finger.body, finger.spring
     lengths = ("proximal", "intermediate", "distal", "thickness", "axis_height", "rim")
+    lengths += ("protrusion", "pad_clearance", "membrane")
     found = [
         *_within("linkage", linkage_quantities(designed_linkage(finger))),
         *_within("scene", scene_quantities(designed_scene(finger))),
         *(Quantity(f"body.{name}", float(getattr(body, name)), "mm") for name in lengths),
-        Quantity("body.range", body.range_deg, "°"),
+        Quantity("body.range", body.ranges_deg[0], "°"),
+        Quantity("body.dip_range", body.ranges_deg[1], "°"),
+        *(
+            Quantity(f"body.{joint}_gap", float(gap), "mm")
+            for joint, gap in zip(("pip", "dip"), body.gaps, strict=True)
+        ),
     ]
     if spring is not None:
         units = {"stiffness": "N mm/rad", "preload": "rad", "servo": "N mm/rad"}

@@ -129,15 +129,20 @@ def design(spec: FingerMirrorsSpec, folder: Path | None) -> Design:
         return Design(SCENE, DesignedScene.read(folder / "scene.toml"))
 
     def designed(context: Context) -> Finger:
-        return design_mirrors(Finger.of(Body.of(spec.body)), spec, context).finger
+        return design_mirrors(bare_finger(spec), spec, context).finger
 
     finger = packaged_or_designed(spec, DECIDING, designed)
     return Design(SCENE, designed_scene(finger, "finger-mirrors"))
 
 
+def bare_finger(spec: FingerMirrorsSpec) -> Finger:
+    """Body and pads, without camera and mirrors."""
+    return Finger.of(Body.of(spec.body), layers=spec.pads.layers())
+
+
 def find(spec: FingerMirrorsSpec, context: Context) -> JudgedMirrors:
     """Everything that is measured."""
-    finger = Finger.of(Body.of(spec.body))
+    finger = bare_finger(spec)
     found = design_mirrors(finger, spec, context)
     layouts = {START: poor_layout(finger, spec.camera), OPTIMUM: found.finger}
     if spec.body == BodySpec():
@@ -207,7 +212,7 @@ def add_metrics(out: Report, spec: FingerMirrorsSpec, found: JudgedMirrors) -> N
         square_poses=square.coverage[..., 0].size,
         row_poses=len(square.coverage),
         row_rounding=ROW_ROUNDING,
-        random_starts=len(reached) - 1,
+        random_starts=spec.search.starts,
     )
     out.metrics(
         start_coverage=cases[START].verdict.mean_coverage,
@@ -219,7 +224,7 @@ def add_metrics(out: Report, spec: FingerMirrorsSpec, found: JudgedMirrors) -> N
         yield_high=after.share.high,
         mirror_mm=after.mirror_mm,
         single_view_postures=after.verdict.in_single_views,
-        starts_reached=sum(reached[1:]),
+        starts_reached=sum(reached[1 : spec.search.starts + 1]),
         row_disagreement=square.disagreement,
         row_speedup=square.speedup,
     )
@@ -252,7 +257,7 @@ def add_findings(out: Report, spec: FingerMirrorsSpec, found: JudgedMirrors) -> 
         "starts",
         reached="reached" if whole[0] else "did not reach",
         px_per_mm=found.design.verdicts[0].worst_px_per_mm,
-        whole=sum(whole[1:]),
+        whole=sum(whole[1 : spec.search.starts + 1]),
     )
     doubled = {name: 100 * one.value for name, one in found.sensitivity.doubled.items()}
     worst = min(doubled, key=lambda name: doubled[name])
@@ -295,11 +300,13 @@ def add_tables(out: Report, spec: FingerMirrorsSpec, found: JudgedMirrors) -> No
         degrees[f"{pad}_px_per_mm"] = after.verdict.px_per_mm[:, index]
         degrees[f"{pad}_yield"] = after.share.by_pose[:, index]
     out.table("degrees", **degrees)
+    out.table("worst", worst_rows(after.verdict))
     made, starts = found.design, Records()
+    names = ["poor", *(f"random {number + 1}" for number in range(spec.search.starts)), GIVEN]
     for number, (trial, verdict) in enumerate(zip(made.trials, made.verdicts, strict=True)):
-        before = judging.judged(eqx.combine(trial.start, made.finger))
+        before = judging.judged(eqx.combine(trial.start, made.finger), everywhere=False)
         starts.add(
-            start=f"random {number}" if number else "poor",
+            start=names[number],
             mean_coverage_at_start=before.mean_coverage,
             objective=trial.objective,
             violation=trial.violation,
@@ -325,6 +332,18 @@ def add_tables(out: Report, spec: FingerMirrorsSpec, found: JudgedMirrors) -> No
         greatest_over_deviation=greatest,
     )
     out.table("rays", found.rays)
+
+
+def worst_rows(verdict: judging.Verdict) -> Records:
+    """What is worst of every pad, and where; a pad that is wholly seen is so everywhere."""
+    rows, worst = Records(), verdict.worst
+    assert worst is not None  # of a design
+    kinds = {"coverage": worst.coverage, "px/mm": worst.px_per_mm, "blur (px)": worst.blur_px}
+    for quantity, pads in kinds.items():
+        for one in pads:
+            place = {"pip_deg": one.pip_deg, "dip_deg": one.dip_deg}
+            rows.add(quantity=quantity, pad=one.pad, value=one.value, **place)
+    return rows
 
 
 def _numbers(finger: Finger) -> list[float]:

@@ -6,11 +6,8 @@ Their layers are black and flush where nothing else is stated, and all pads have
 
 from __future__ import annotations
 
-import cmath
-import copy
 import json
 import math
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from optics import Scene, parse_scene
@@ -124,25 +121,3 @@ def sold_camera(projection: str, axis: str) -> Scene:
 def plain_tables(scene: Scene) -> Tables:
     """A scene's tables as `tomllib` gives them."""
     return json.loads(json.dumps(scene_tables(scene)))
-
-
-def posed_tables(tables: Tables, degrees: Mapping[str, float]) -> Tables:
-    """The tables of a scene in a pose, without frames; each of them is hinged in what stands still.
-
-    Args:
-        tables: of the scene.
-        degrees: its joint angles by name.
-    """
-    posed = copy.deepcopy(tables)
-    for part in [*posed["mirrors"], *posed["pads"], *posed["blockers"]]:
-        frame = posed["frames"].get(part.pop("body", None))
-        if frame is None:
-            continue
-        sign = 1 if frame["positive"] == "counterclockwise" else -1
-        hinge = complex(*frame["hinge"])
-        turn = cmath.rect(1.0, sign * math.radians(degrees[frame["angle"]]))
-        for end in ("from", "to"):
-            place = hinge + turn * (complex(*part[end]) - hinge)
-            part[end] = [place.real, place.imag]
-    del posed["frames"]
-    return posed

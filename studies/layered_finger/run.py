@@ -31,7 +31,6 @@ from studies.layered_finger.cases import (
     SILICONE,
     Pair,
     plain_tables,
-    posed_tables,
     sold_camera,
 )
 from studies.layered_finger.mirrors import Redesigner
@@ -41,7 +40,7 @@ from studies.models.finger_file import packaged_finger
 from studies.models.sensor.finger_sensor import carried_by_camera, deviations_of
 from studies.models.sensor.spec import WIDTH
 from studies.oracles import layers as oracle
-from studies.oracles.layered_scenes import read
+from studies.oracles.layered_scenes import posed_tables, read
 from studies.oracles.shadows import shadow_width
 
 OUTER = {"proximal": 0, "distal": 2}

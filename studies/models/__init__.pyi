@@ -1,5 +1,6 @@
 from .finger import Body, Finger, FingerCamera, FingerMirror, FingerSpring
 from .finger_file import format_finger, packaged_finger, parse_finger, read_finger, write_finger
+from .pad_layers import PadLayers
 from .pins import Pins
 from .soft_finger.finger import SoftFinger
 
@@ -9,6 +10,7 @@ __all__ = [
     "FingerCamera",
     "FingerMirror",
     "FingerSpring",
+    "PadLayers",
     "Pins",
     "SoftFinger",
     "format_finger",

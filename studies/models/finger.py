@@ -18,14 +18,19 @@ from jaxtyping import Array, Float
 
 from designopt import UserError, as_float
 from designopt.io.toml_writing import degrees_of
+from designopt.numerics import optional_float
 from kinematics.io.pinned import assembly_signs, pinned_linkage, pinned_tables
 from kinematics.model.linkage import Linkage
 from kinematics.model.linkage import Spring as LinkageSpring
 from kinematics.model.topology import BodyPart, InputPart, Structure
-from optics.scene.camera import Camera, Equidistant
+from optics.scene.camera import Camera, Equidistant, Projection, Sensor
+from optics.scene.camera_module import LINES, NAME, CameraModule
+from optics.scene.layers import LayerKinds
 from optics.scene.scene import WORLD, Frame, Layout, Scene, Surface
+from optics.scene.thin_lens import ThinLens
 from studies.models.body import BodyTable
 from studies.models.links import Links
+from studies.models.pad_layers import PadLayers, Room
 from studies.models.pins import Pins, pin_name
 
 Drive = Literal["joints", "crank"]
@@ -49,10 +54,13 @@ class Body(eqx.Module):
         intermediate: from the PIP to the DIP axis, mm.
         distal: from the DIP axis to the finger tip, mm.
         thickness: from the palmar to the dorsal face, mm.
-        axis_height: from the palmar face to the axes, mm. Pads begin as far from an axis, so that
-            those of neighbouring phalanges just meet when the joint is bent by 90°.
-        flexion: greatest flexion of each joint, rad.
+        axis_height: from the palmar face to the axes, mm.
+        flexion: greatest flexion of each joint, or of PIP if that of DIP is another, rad.
         rim: from a pad's other end to the end of the finger, mm.
+        protrusion: by which the membranes stand out of the palmar face, mm.
+        pad_clearance: what is left between the membranes of neighbouring phalanges, and between
+            the layers behind them, when a joint is bent as far as it goes, mm.
+        dip_flexion: greatest flexion of DIP, rad; ``None``: that of PIP.
     """
 
     proximal: Number = eqx.field(converter=as_float)
@@ -62,17 +70,61 @@ class Body(eqx.Module):
     axis_height: Number = eqx.field(converter=as_float)
     flexion: Number = eqx.field(converter=as_float)
     rim: Number = eqx.field(converter=as_float)
+    protrusion: Number = eqx.field(default=0.0, converter=as_float)
+    pad_clearance: Number = eqx.field(default=0.0, converter=as_float)
+    dip_flexion: Number | None = eqx.field(default=None, converter=optional_float)
 
     @classmethod
     def of(cls, table: BodyTable) -> Body:
         """That of a file or of settings."""
-        lengths = table.model_dump(exclude={"range_deg"})
-        return cls(**lengths, flexion=np.deg2rad(table.range_deg))
+        lengths = table.model_dump(exclude={"range_deg", "dip_range_deg"})
+        pip, dip = np.deg2rad(table.ranges_deg)
+        return cls(**lengths, flexion=pip, dip_flexion=None if dip == pip else dip)
 
     @property
     def range_deg(self) -> float:
-        """Greatest flexion in degrees, a plain number: for grids of postures, and for people."""
-        return degrees_of(float(self.flexion))
+        """Greatest flexion of any joint in degrees, a plain number: grids go so far."""
+        return max(self.ranges_deg)
+
+    @property
+    def ranges_deg(self) -> tuple[float, float]:
+        """Greatest flexion of PIP and DIP in degrees, plain numbers."""
+        pip, dip = (degrees_of(float(end)) for end in self.flexions)
+        return pip, dip
+
+    @property
+    def flexions(self) -> tuple[Number, Number]:
+        """Greatest flexion of PIP and DIP, rad."""
+        return self.flexion, self.flexion if self.dip_flexion is None else self.dip_flexion
+
+    @property
+    def gaps(self) -> tuple[Number, Number]:
+        """From PIP and DIP axis to the ends of the membranes beside it, mm.
+
+        Membranes of neighbouring phalanges that begin g from an axis, h + p below it, are
+        2 (g cos r/2 − (h + p) sin r/2) apart when the joint is bent by r: each is half of that
+        from the plane that halves the joint. The gap is the one that leaves ``pad_clearance`` at
+        the end of the range, where this is least. tan r/2 and 1 / cos r/2 are written so that a
+        range of 90° gives h + p exactly.
+        """
+        pip, dip = (
+            (self.axis_height + self.protrusion) * jnp.sin(end) / (1 + jnp.cos(end))
+            + self.pad_clearance * jnp.sqrt(0.5 / (1 + jnp.cos(end)))
+            for end in self.flexions
+        )
+        return pip, dip
+
+    @property
+    def room(self) -> Room:
+        """What is free for layers on the pads."""
+        return Room(self.gaps, self.flexions, self.pad_clearance, self.rim)
+
+    @property
+    def membrane(self) -> Number:
+        """Length of the three membranes together, mm."""
+        pip, dip = self.gaps
+        whole = self.proximal + self.intermediate + self.distal
+        return whole - 2 * (pip + dip + self.rim)
 
     @property
     def palmar(self) -> Number:
@@ -139,6 +191,12 @@ class FingerCamera(eqx.Module):
         pixels: along the image line.
         width: of the opaque body, mm.
         grazing: least angle between a pad and a ray that shows it, rad.
+        back: from the pinhole to the back of the opaque body, mm.
+        projection: of the lens.
+        sensor: behind the lens, as both are sold; ``None``: the field of view fills the image line.
+        lens: for questions of focus; ``None`` for a camera that is sharp everywhere.
+        module: its body as it is sold, instead of ``width`` and ``back``; ``None`` if not known.
+        max_blur: largest blur spot that is accepted, pixels.
     """
 
     along: Number = eqx.field(converter=as_float)
@@ -148,12 +206,57 @@ class FingerCamera(eqx.Module):
     pixels: Number = eqx.field(converter=as_float)
     width: Number = eqx.field(converter=as_float)
     grazing: Number = eqx.field(converter=as_float)
+    back: Number = eqx.field(default=4.0, converter=as_float)
+    projection: Projection = Equidistant()
+    sensor: Sensor | None = None
+    lens: ThinLens | None = None
+    module: CameraModule | None = None
+    max_blur: Number | None = eqx.field(default=None, converter=optional_float)
 
     @classmethod
     def of(cls, lens: Any, along: Any, depth: Any, tilt_deg: float) -> FingerCamera:
-        """One at a place; its lens from ``[camera]`` of a file or from settings, in degrees."""
-        tilt, view, grazing = np.deg2rad([tilt_deg, lens.fov_deg, lens.min_grazing_deg])
-        return cls(along, depth, tilt, view, lens.pixels, lens.width, grazing)
+        """One at a place; its lens from ``[camera]`` of a file or from settings, in degrees.
+
+        Args:
+            lens: has ``optics``, a `Camera` anywhere, ``width``, ``back`` and ``min_grazing_deg``.
+            along: see the attributes.
+            depth: likewise.
+            tilt_deg: likewise.
+        """
+        sold: Camera = lens.optics
+        return cls(
+            along,
+            depth,
+            np.deg2rad(tilt_deg),
+            sold.field_of_view,
+            sold.pixels,
+            lens.width,
+            np.deg2rad(lens.min_grazing_deg),
+            lens.back,
+            sold.projection,
+            sold.sensor,
+            sold.lens,
+            sold.module,
+            sold.max_blur,
+        )
+
+    def at(self, dorsal: Number) -> Camera:
+        """The camera of a scene, in the intermediate phalanx.
+
+        Args:
+            dorsal: height of the dorsal face over the axes, mm.
+        """
+        return Camera(
+            position=jnp.stack([self.along, dorsal - self.depth]),
+            direction=self.tilt - jnp.pi / 2,
+            field_of_view=self.field_of_view,
+            pixels=self.pixels,
+            projection=self.projection,
+            lens=self.lens,
+            sensor=self.sensor,
+            module=self.module,
+            max_blur=self.max_blur,
+        )
 
 
 class FingerMirror(eqx.Module):
@@ -176,7 +279,7 @@ class FingerMirror(eqx.Module):
 
 
 class Finger(eqx.Module):
-    """A finger: body, linkage, spring, camera and mirrors.
+    """A finger: body, linkage, spring, camera, mirrors and the layers on its pads.
 
     `jax.grad`, `jax.vmap` and `jax.jit` apply to it: hinges, pads, shells and the camera's body are
     computed from its leaves, so thickness and axis height move what they move in the metal. Which
@@ -194,6 +297,7 @@ class Finger(eqx.Module):
         name: in titles and file names.
         assembly: one sign per closed-form group of the linkage, driven at its joints and by its
             crank; ``None`` without pins.
+        layers: clear layers on the pads; ``None`` where these are bare.
     """
 
     body: Body
@@ -205,6 +309,7 @@ class Finger(eqx.Module):
     motor: FingerMotor | None
     name: str = eqx.field(static=True)
     assembly: tuple[tuple[int, ...], tuple[int, ...]] | None = eqx.field(static=True)
+    layers: PadLayers | None = None
 
     @classmethod
     def of(
@@ -216,6 +321,7 @@ class Finger(eqx.Module):
         mirrors: Sequence[FingerMirror] = (),
         links: Links | None = None,
         motor: FingerMotor | None = None,
+        layers: PadLayers | None = None,
         *,
         name: str = "finger",
     ) -> Finger:
@@ -234,14 +340,14 @@ class Finger(eqx.Module):
                 for drive in DRIVES
             )
             assembly = by_joints, by_crank
-        return cls(body, pins, spring, camera, tuple(mirrors), links, motor, name, assembly)
+        return cls(body, pins, spring, camera, tuple(mirrors), links, motor, name, assembly, layers)
 
     def with_pins(self, pins: Pins) -> Finger:
         """The same finger with other pins, plain numbers, assembled as they stand.
 
         In traced code, ``dataclasses.replace(finger, pins=pins)`` keeps how it is assembled.
         """
-        parts = self.spring, self.camera, self.mirrors, self.links, self.motor
+        parts = self.spring, self.camera, self.mirrors, self.links, self.motor, self.layers
         return Finger.of(self.body, pins, *parts, name=self.name)
 
     def linkage(self, drive: Drive = "joints") -> Linkage:
@@ -290,10 +396,11 @@ class Finger(eqx.Module):
 
     def pads(self) -> Float[Array, "3 2 2"]:
         """Ends of the pads of the proximal, intermediate and distal phalanx, mm."""
-        body, gap = self.body, self.body.axis_height
+        body, (pip, dip) = self.body, self.body.gaps
         root, middle, tip = -body.proximal, body.intermediate, body.intermediate + body.distal
-        ends = [(root + body.rim, -gap), (gap, middle - gap), (middle + gap, tip - body.rim)]
-        return jnp.stack([_line((one, body.palmar), (other, body.palmar)) for one, other in ends])
+        ends = [(root + body.rim, -pip), (pip, middle - dip), (middle + dip, tip - body.rim)]
+        low = body.palmar - body.protrusion
+        return jnp.stack([_line((one, low), (other, low)) for one, other in ends])
 
     def camera_body(self) -> Float[Array, "2 2"]:
         """Ends of the opaque line behind the camera, in the intermediate phalanx, mm.
@@ -301,18 +408,36 @@ class Finger(eqx.Module):
         Raises:
             UserError: the finger has no camera.
         """
+        return self._camera_lines(SETBACK)[0]
+
+    def camera_corners(self) -> Float[Array, "corners 2"]:
+        """Corners of the camera's body in the intermediate phalanx, mm; see `FingerCamera`.
+
+        Raises:
+            UserError: the finger has no camera.
+        """
+        camera = camera_of(self)
+        if camera.module is None:
+            return self._camera_lines(SETBACK, camera.back).reshape(-1, 2)
+        sold = camera.at(self.body.dorsal)
+        return camera.module.outline(sold.position, sold.direction).reshape(-1, 2)
+
+    def _camera_lines(self, *behind: Number | float) -> Float[Array, "lines 2 2"]:
+        """Lines across the camera's body so far behind the pinhole, mm."""
         camera = camera_of(self)
         position = jnp.stack([camera.along, self.body.dorsal - camera.depth])
         sine, cosine = jnp.sin(camera.tilt), jnp.cos(camera.tilt)
         ahead, across = jnp.stack([sine, -cosine]), jnp.stack([cosine, sine])
-        middle, half = position - SETBACK * ahead, camera.width / 2 * across
-        return jnp.stack([middle - half, middle + half])
+        half = camera.width / 2 * across
+        middles = [position - one * ahead for one in behind]
+        return jnp.stack([jnp.stack([middle - half, middle + half]) for middle in middles])
 
     def scene(self) -> Scene:
         """Camera, mirrors, pads and shells; the intermediate phalanx is the world.
 
-        Blockers are the camera's body, shells on the back from axis to axis (flexion opens gaps
-        between them, so none swings into the finger) and walls at both ends.
+        Blockers are the camera's body (its module's outline, if that is known), shells on the back
+        from axis to axis (flexion opens gaps between them, so none swings into the finger) and
+        walls at both ends.
 
         Raises:
             UserError: the finger has no camera.
@@ -326,34 +451,36 @@ class Finger(eqx.Module):
             along, depth = part.ends[..., 0], part.ends[..., 1]
             return jnp.stack([along + axis_of[part.phalanx], dorsal - depth], axis=-1)
 
-        position = jnp.stack([camera.along, dorsal - camera.depth])
         zero = jnp.zeros_like(middle)
         blockers = [
-            self.camera_body(),
+            *([self.camera_body()] if camera.module is None else []),
             _line((root, dorsal), (zero, dorsal)),
             _line((zero, dorsal), (middle, dorsal)),
             _line((middle, dorsal), (tip, dorsal)),
             _line((root, palmar), (root, dorsal)),
             _line((tip, palmar), (tip, dorsal)),
         ]
-        none = jnp.zeros((0,), position.dtype)
+        none = jnp.zeros((0,), zero.dtype)
         mirrors = [mirror(part) for part in self.mirrors]
+        layers, kinds = self.layers, ()
+        if layers is not None:
+            kinds = layers.kinds(len(PHALANGES))
         return Scene(
-            camera=Camera(
-                position=position,
-                direction=camera.tilt - jnp.pi / 2,
-                field_of_view=camera.field_of_view,
-                pixels=camera.pixels,
-                projection=Equidistant(),
-            ),
-            mirrors=jnp.stack(mirrors) if mirrors else jnp.zeros((0, 2, 2), position.dtype),
+            camera=camera.at(dorsal),
+            mirrors=jnp.stack(mirrors) if mirrors else jnp.zeros((0, 2, 2), zero.dtype),
             radii=none,
             conics=none,
             pads=self.pads(),
             grazing=jnp.broadcast_to(camera.grazing, (3,)),
             blockers=jnp.stack(blockers),
             hinges=jnp.stack([jnp.stack([zero, zero]), jnp.stack([middle, zero])]),
-            layout=_layout(self.name, tuple(part.phalanx for part in self.mirrors)),
+            layout=_layout(
+                self.name,
+                tuple(part.phalanx for part in self.mirrors),
+                kinds,
+                sold=camera.module is not None,
+            ),
+            layers=None if layers is None else layers.on_pads(self.body.room),
         )
 
 
@@ -456,7 +583,13 @@ def _structure(drive: Drive, *, springs: bool, driven: bool) -> Structure:
 
 
 @functools.cache
-def _layout(name: str, phalanges: tuple[Phalanx, ...]) -> Layout:
+def _layout(
+    name: str,
+    phalanges: tuple[Phalanx, ...],
+    layers: tuple[tuple[LayerKinds, ...], ...],
+    *,
+    sold: bool,
+) -> Layout:
     proximal, distal = 0, 1
     frame_of = {"proximal": proximal, "intermediate": WORLD, "distal": distal}
     side_of = {"proximal": 1, "distal": -1}
@@ -468,6 +601,8 @@ def _layout(name: str, phalanges: tuple[Phalanx, ...]) -> Layout:
         "proximal end": "proximal",
         "tip": "distal",
     }
+    if sold:
+        del hosts["camera body"]
     return Layout(
         name=name,
         mirrors=tuple(Surface(one, side_of[one], frame_of[one]) for one in phalanges),
@@ -478,4 +613,7 @@ def _layout(name: str, phalanges: tuple[Phalanx, ...]) -> Layout:
         angles=("pip", "dip"),
         camera_frame=WORLD,
         bounces=1,
+        layers=layers,
+        bezels=(False,) * len(layers),
+        module=(Surface(NAME, 0, WORLD),) * (LINES if sold else 0),
     )

@@ -6,6 +6,7 @@ No number in it follows from another. Lengths in mm, coordinates of the straight
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Callable
 from dataclasses import fields
@@ -15,7 +16,7 @@ from typing import Annotated, Any, Literal
 
 import jax
 import numpy as np
-from pydantic import Field, PositiveInt, model_validator
+from pydantic import Field, model_validator
 
 from designopt import Context, Spec, UserError
 from designopt.designs import read_tables
@@ -24,7 +25,12 @@ from designopt.io.spec_files import FORMAT, Format, Length, Number, Point, Title
 from designopt.io.toml_writing import degrees_of, format_toml
 from designopt.progress import step_display
 from kinematics.io.designed import DesignedLinkage
+from optics.scene.camera import Camera
 from optics.scene.designed import DesignedScene
+from optics.scene.file import LARGEST_INDEX, MOST_LAYERS
+from optics.scene.file import CameraTable as LensTable
+from optics.scene.reading import build_camera
+from optics.scene.writer import camera_table
 from studies.models.body import BodyTable
 from studies.models.finger import (
     Body,
@@ -35,18 +41,17 @@ from studies.models.finger import (
     FingerSpring,
 )
 from studies.models.links import Links, LinksTable
+from studies.models.pad_layers import LEAST_TRANSMISSION, WALL, PadLayers
 from studies.models.pins import Pins, pin_name
 
 SAME = 1e-6
 """Two statements of one number contradict each other where they differ by more, mm and rad."""
 
-IN_DEGREES = {
-    "flexion": "range_deg", "tilt": "tilt_deg", "field_of_view": "fov_deg",
-    "grazing": "min_grazing_deg",
-}  # fmt: skip
-"""Keys of what files give in degrees."""
+FOREIGN = ("position", "direction_deg", "body", "pupil_shift")
+"""Keys of a scene's camera that a finger's does not have."""
 
 Angle = Annotated[Number, Field(ge=-180, le=180)]
+Share = Annotated[Number, Field(ge=0, le=1)]
 
 
 class FingerTable(Spec):
@@ -83,16 +88,59 @@ class MotorTable(Spec):
     above: Number
 
 
-class CameraTable(Spec):
-    """``[camera]``; see `FingerCamera`."""
+class CameraTable(LensTable):
+    """``[camera]``; see `FingerCamera`. Its lens is written as in a scene file."""
 
+    position: Point = (0.0, 0.0)
+    direction_deg: Number = 0.0
     along: Number
     depth: Number
     tilt_deg: Angle
-    fov_deg: Annotated[Number, Field(gt=0, lt=360)]
-    pixels: PositiveInt
     width: Length
+    back: Length = 4.0
     min_grazing_deg: Annotated[Number, Field(ge=0, lt=90)]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _has_its_own_place(cls, data: Any) -> Any:
+        if isinstance(data, dict) and (given := [key for key in FOREIGN if key in data]):
+            raise ValueError(
+                f"{', '.join(given)}: of a scene's camera; a finger's has 'along', 'depth' and "
+                "'tilt_deg'"
+            )
+        return data
+
+    @property
+    def optics(self) -> Camera:
+        """Lens and sensor, somewhere."""
+        return build_camera(self)
+
+
+class LayerTable(Spec):
+    """An entry of ``layers`` of ``[pads]``; see `PadLayers`."""
+
+    thickness: Length
+    index: Annotated[Number, Field(ge=1, le=LARGEST_INDEX)]
+    reach: tuple[Share, Share] = (0.0, 0.0)
+    outer_reach: tuple[Share, Share] = (0.0, 0.0)
+
+
+class PadsTable(Spec):
+    """``[pads]``; see `PadLayers`."""
+
+    ends: Literal["black", "clear"] = "black"
+    wall: Annotated[Number, Field(ge=0)] = WALL
+    min_transmission: Annotated[Number, Field(ge=0, lt=1)] = LEAST_TRANSMISSION
+    layers: Annotated[list[LayerTable], Field(min_length=1, max_length=MOST_LAYERS)]
+
+    def made(self) -> PadLayers:
+        """The layers."""
+        columns = {
+            name: np.array([getattr(layer, name) for layer in self.layers])
+            for name in LayerTable.model_fields
+        }
+        more = {"wall": self.wall, "transmission": self.min_transmission, "ends": self.ends}
+        return PadLayers(**columns, **more)
 
 
 class MirrorTable(Spec):
@@ -113,6 +161,7 @@ class FingerFile(Spec):
     links: LinksTable | None = None
     motor: MotorTable | None = None
     camera: CameraTable | None = None
+    pads: PadsTable | None = None
     mirrors: tuple[MirrorTable, ...] = ()
 
     @model_validator(mode="after")
@@ -200,6 +249,7 @@ def parse_finger(tables: dict[str, Any], source: str, name: str = "finger") -> F
         [FingerMirror(np.array([part.start, part.end]), part.phalanx) for part in file.mirrors],
         file.links and Links.of(file.links),
         file.motor and FingerMotor(**file.motor.model_dump()),
+        file.pads and file.pads.made(),
         name=file.finger.name or name,
     )
 
@@ -207,22 +257,22 @@ def parse_finger(tables: dict[str, Any], source: str, name: str = "finger") -> F
 def finger_tables(finger: Finger) -> dict[str, Any]:
     """The tables of a finger's file; `parse_finger` makes the same finger of them."""
     head = {"name": finger.name, "format": FORMAT}
-    tables: dict[str, Any] = {"finger": head, "body": _table_of(finger.body)}
+    tables: dict[str, Any] = {"finger": head, "body": _body(finger.body)}
     if finger.pins is not None:
         places = {pin: np.asarray(getattr(finger.pins, pin)) for pin in finger.pins.names}
         tables["pins"] = {pin_name(pin): place.tolist() for pin, place in places.items()}
     if finger.spring is not None:
-        tables["spring"] = _table_of(finger.spring)
+        spring = finger.spring
+        tables["spring"] = {one.name: float(getattr(spring, one.name)) for one in fields(spring)}
     if finger.links is not None:
-        thickness = np.asarray(finger.links.thickness).tolist()
-        layers = [list(parts) for parts in finger.links.layers]
-        numbers = _table_of(finger.links, "thickness", "layers")
-        tables["links"] = numbers | {"thickness": thickness, "layers": layers}
+        tables["links"] = _links(finger.links)
     if finger.motor is not None:
-        tables["motor"] = _table_of(finger.motor)
+        motor = finger.motor
+        tables["motor"] = {one.name: float(getattr(motor, one.name)) for one in fields(motor)}
     if finger.camera is not None:
-        pixels = round(float(finger.camera.pixels))
-        tables["camera"] = _table_of(finger.camera) | {"pixels": pixels}
+        tables["camera"] = _camera(finger.camera)
+    if finger.layers is not None:
+        tables["pads"] = _pads(finger.layers)
     if finger.mirrors:
         tables["mirrors"] = []
         for mirror in finger.mirrors:
@@ -231,16 +281,51 @@ def finger_tables(finger: Finger) -> dict[str, Any]:
     return tables
 
 
-def _table_of(
-    part: Body | FingerSpring | FingerCamera | FingerMotor | Links, *but: str
-) -> dict[str, float]:
-    """The numbers of a part of the finger by their keys in files, but for some fields."""
-    names = [field.name for field in fields(part) if field.name not in but]
-    numbers = {name: float(getattr(part, name)) for name in names}
-    return {
-        IN_DEGREES.get(name, name): degrees_of(value) if name in IN_DEGREES else value
-        for name, value in numbers.items()
+def _body(body: Body) -> dict[str, Any]:
+    """``[body]``, without what it has by default."""
+    apart = ("flexion", "dip_flexion", "protrusion", "pad_clearance")
+    table: dict[str, Any] = {
+        one.name: float(getattr(body, one.name)) for one in fields(body) if one.name not in apart
     }
+    pip, dip = body.ranges_deg
+    table["range_deg"] = pip if body.dip_flexion is None else [pip, dip]
+    more = {name: float(getattr(body, name)) for name in apart[2:]}
+    return table | {name: value for name, value in more.items() if value}
+
+
+def _camera(camera: FingerCamera) -> dict[str, Any]:
+    """``[camera]``; of the lens no key that it has by default."""
+    optics = camera_table(camera.at(camera.depth))
+    bare = {key: value for key, value in optics.items() if key not in FOREIGN}
+    if bare["projection"] == "equidistant" and camera.sensor is None:
+        del bare["projection"]
+    places = {"along": float(camera.along), "depth": float(camera.depth)}
+    own = {"tilt_deg": degrees_of(float(camera.tilt))}
+    body = {"width": float(camera.width), "back": float(camera.back)}
+    grazing = {"min_grazing_deg": degrees_of(float(camera.grazing))}
+    return places | own | bare | body | grazing
+
+
+def _pads(layers: PadLayers) -> dict[str, Any]:
+    """``[pads]``."""
+    names = LayerTable.model_fields
+    columns = zip(*(np.asarray(getattr(layers, name)).tolist() for name in names), strict=True)
+    return {
+        "ends": layers.ends,
+        "wall": float(layers.wall),
+        "min_transmission": float(layers.transmission),
+        "layers": [dict(zip(names, column, strict=True)) for column in columns],
+    }
+
+
+def _links(links: Links) -> dict[str, Any]:
+    """``[links]``."""
+    apart = ("thickness", "layers")
+    numbers = {
+        one.name: float(getattr(links, one.name)) for one in fields(links) if one.name not in apart
+    }
+    thickness = np.asarray(links.thickness).tolist()
+    return numbers | {"thickness": thickness, "layers": [list(parts) for parts in links.layers]}
 
 
 def format_finger(finger: Finger) -> str:
@@ -297,6 +382,10 @@ def _from_specs(folder: Path) -> Finger:
         ) from error
     settings = _settings_beside(folder)
     axes = {"proximal": 0.0, "distal": middle}
+    range_deg = settings.get("body", {}).get("range_deg", 90.0)
+    # The pads stand where they are; what that leaves between them follows.
+    half, gap = math.radians(range_deg) / 2, -pads["proximal"].end[0]
+    between = 2 * (gap * math.cos(half) + palmar * math.sin(half))
 
     def mirror(phalanx: str, *ends: tuple[float, float]) -> dict[str, Any]:
         start, end = ([x - axes[phalanx], dorsal - y] for x, y in ends)
@@ -310,7 +399,8 @@ def _from_specs(folder: Path) -> Finger:
             "distal": tip - middle,
             "thickness": dorsal - palmar,
             "axis_height": -palmar,
-            "range_deg": settings.get("body", {}).get("range_deg", 90.0),
+            "range_deg": range_deg,
+            "pad_clearance": 0.0 if abs(between) < SAME else between,
             "rim": rear - root,
         },
         "pins": {pin_name(pin): place for pin, place in pins.items()},

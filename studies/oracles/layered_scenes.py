@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import cmath
+import copy
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -35,6 +38,28 @@ def read(tables: Mapping[str, Any], colour: str = "green") -> Scene:
         tables["scene"]["bounces"],
         tuple(camera.get("pupil_shift", (0.0, 0.0))),
     )
+
+
+def posed_tables(tables: Tables, degrees: Mapping[str, float]) -> Tables:
+    """The tables of a scene in a pose, without frames; each of them is hinged in what stands still.
+
+    Args:
+        tables: of the scene.
+        degrees: its joint angles by name.
+    """
+    posed = copy.deepcopy(tables)
+    for part in [*posed["mirrors"], *posed["pads"], *posed["blockers"]]:
+        frame = posed["frames"].get(part.pop("body", None))
+        if frame is None:
+            continue
+        sign = 1 if frame["positive"] == "counterclockwise" else -1
+        hinge = complex(*frame["hinge"])
+        turn = cmath.rect(1.0, sign * math.radians(degrees[frame["angle"]]))
+        for end in ("from", "to"):
+            place = hinge + turn * (complex(*part[end]) - hinge)
+            part[end] = [place.real, place.imag]
+    del posed["frames"]
+    return posed
 
 
 def _surface(table: Mapping[str, Any]) -> Surface:

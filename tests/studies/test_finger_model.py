@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import io
+import math
 import runpy
 import tomllib
 from pathlib import Path
@@ -36,11 +37,11 @@ STRUCTURAL_ZEROS = {
 """By figure, what it depends on at all; its slopes with respect to all else are 0."""
 
 ELSEWHERE = (
-    *("body.proximal", "body.distal", "body.flexion", "body.rim"),
-    *("camera.width", "camera.grazing"),
+    *("body.proximal", "body.distal", "body.rim"),
+    *("camera.width", "camera.grazing", "camera.back"),
 )
 ALSO_ZERO = {
-    "coverage of the distal pad": ("body.proximal", "body.flexion"),
+    "coverage of the distal pad": ("body.proximal", "camera.back"),
     "px/mm where it begins": (*ELSEWHERE, "camera.tilt"),
     "row of its corner": ELSEWHERE,
 }
@@ -66,18 +67,21 @@ def test_its_linkage_and_its_scene_are_those_of_its_files(body):
     assert_same(finger.linkage("crank"), parse_linkage(files["linkage-crank.toml"]))
     tables = files["scene.toml"]
     assert_same(finger.scene(), parse_scene(tables))
-    height, gap = body.get("thickness", 25.0), body.get("axis_height", 4.0)
+    height, low = body.get("thickness", 25.0), body.get("axis_height", 4.0)
+    gap = {90.0: low, 80.0: low * math.tan(math.radians(40.0))}[body.get("range_deg", 90.0)]
     tip = 23.0 + body.get("distal", 32.0)
     assert files["linkage.toml"]["joints"]["T"] == [tip, 0.0]
     pads = {pad["name"]: [pad["from"], pad["to"]] for pad in tables["pads"]}
-    assert pads == {
-        "proximal": [[-33.5, -gap], [-gap, -gap]],
-        "intermediate": [[gap, -gap], [23.0 - gap, -gap]],
-        "distal": [[23.0 + gap, -gap], [tip - 1.5, -gap]],
+    expected = {
+        "proximal": [[-33.5, -low], [-gap, -low]],
+        "intermediate": [[gap, -low], [23.0 - gap, -low]],
+        "distal": [[23.0 + gap, -low], [tip - 1.5, -low]],
     }
+    for name, ends in expected.items():
+        np.testing.assert_allclose(pads[name], ends, rtol=0, atol=1e-14)
     blockers = {part["name"]: [part["from"], part["to"]] for part in tables["blockers"]}
-    assert blockers["tip"] == [[tip, -gap], [tip, height - gap]]
-    assert blockers["intermediate shell"] == [[0.0, height - gap], [23.0, height - gap]]
+    assert blockers["tip"] == [[tip, -low], [tip, height - low]]
+    assert blockers["intermediate shell"] == [[0.0, height - low], [23.0, height - low]]
 
 
 def test_a_thicker_finger_takes_its_back_along():

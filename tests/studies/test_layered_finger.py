@@ -22,7 +22,6 @@ from studies.layered_finger.cases import (
     SENSOR,
     Case,
     plain_tables,
-    posed_tables,
     sold_camera,
 )
 from studies.layered_finger.mirrors import Redesigner, Task, placed, terms
@@ -32,7 +31,7 @@ from studies.models.mirror_design.placement import free_part
 from studies.models.mirror_design.seeing import together
 from studies.models.sensor.spec import WIDTH
 from studies.oracles import layers as oracle
-from studies.oracles.layered_scenes import read
+from studies.oracles.layered_scenes import posed_tables, read
 from studies.oracles.scenes import rounded
 from studies.oracles.shadows import image, shadow, shadow_width
 from tests.studies.quick import quick_run

@@ -14,12 +14,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix as optx
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
@@ -28,9 +29,24 @@ from designopt.optimize import Evaluation, draw_sobol_starts
 from designopt.study.study import Context
 from studies.models.finger import PHALANGES, Finger
 from studies.models.mirror_design.judging import Verdict, judged
-from studies.models.mirror_design.placement import Placement, bounds, free_part, poor_layout, scale
-from studies.models.mirror_design.problem import Look, Task, cost_and_clearance, look, problem_of
+from studies.models.mirror_design.placement import (
+    Placement,
+    bounds,
+    free_part,
+    poor_layout,
+    reference_layout,
+    scale,
+)
+from studies.models.mirror_design.problem import (
+    Look,
+    Task,
+    cost_and_clearance,
+    look,
+    problem_of,
+    put_in,
+)
 from studies.models.mirror_design.spec import MirrorSpec
+from studies.models.mirror_design.yields import monte_carlo
 
 Multipliers = dict[str, Float[Array, "..."]]
 """Of the inequalities, by name."""
@@ -53,6 +69,15 @@ STAGES = (Stage(4.0, 0.0), Stage(2.0, 1.0), Stage(1.0, 10.0), Stage(1.0, 100.0))
 
 STEPS = 60
 """Cap on steps of a stage, each of them one evaluation of the slope."""
+
+EXCHANGES = 4
+"""How often postures that the verdict names are looked at, too, of the trial that seems best."""
+
+HIDDEN = 0.01
+"""Of a pad: where more of it is hidden without errors, these do not matter yet."""
+
+DRAWS = 100
+"""Of errors, by which trials that meet the requirements are told apart."""
 
 SHARE = 0.1
 """Of the Lagrangian, which is what the solver sees: its first steps, for it begins with the
@@ -92,7 +117,8 @@ class MirrorDesign:
 
     Attributes:
         finger: with its camera and mirrors.
-        trials: what every start led to: the poor one first, then the random ones.
+        trials: what every start led to: the poor one first, then the random ones; of layered pads
+            the reference layout, which is one for bare pads, last.
         verdicts: on every trial.
         tasks: of all stages.
         chosen: index of the trial that was taken.
@@ -125,30 +151,84 @@ def design_mirrors(finger: Finger, spec: MirrorSpec, context: Context) -> Mirror
             type is that of the study that runs.
 
     Returns:
-        The trial of least objective among those that see everything with the resolution asked for
-        on a 1° grid; if none does, that of least objective and violation. ``verdict`` has which.
+        Of the trials that see everything with the resolution asked for in all postures, the one
+        that still does so most often with errors; if none does, that of least objective and
+        violation. ``verdict`` has which.
     """
-    poor = poor_layout(finger, spec.camera)
+    poor = replace(poor_layout(finger, spec.camera), layers=spec.pads.layers())
     tasks = [
         Task.of(poor, spec, context.seed + number, stage.growth)
         for number, stage in enumerate(STAGES)
     ]
     limits = bounds(poor, spec)
     starts = [free_part(poor), *_random(spec, tasks[-1], context.seed)]
+    if poor.layers is not None:
+        known = replace(reference_layout(finger, spec.camera), layers=poor.layers)
+        starts.append(free_part(known))
     thickness = float(finger.body.thickness)
     trials, verdicts = [], []
     for number, start in enumerate(starts):
         with context.step(f"T = {thickness:g} mm: start {number + 1} of {len(starts)}"):
             trials.append(search(start, limits, tasks))
-            verdicts.append(judged(eqx.combine(trials[-1].placement, poor)))
+            verdicts.append(judged(put_in(trials[-1].placement, poor), everywhere=False))
 
-    def rank(number: int) -> tuple[bool, float]:
-        fine, trial = verdicts[number].meets(spec.floor), trials[number]
-        return not fine, trial.objective + (0.0 if fine else 100 * trial.violation)
+    def share(number: int) -> float:
+        """The yield by few draws, for the objective's copies have larger errors."""
+        with context.step("Yield of a start"):
+            made = put_in(trials[number].placement, poor)
+            return monte_carlo(made, spec.tolerances, draws=DRAWS, seed=context.seed + 1).value
 
-    chosen = min(range(len(trials)), key=rank)
-    best = eqx.combine(trials[chosen].placement, poor)
+    shares: dict[int, float] = {}
+
+    def rank(number: int) -> tuple[bool, float, float]:
+        trial = trials[number]
+        if not verdicts[number].meets(spec.floor):
+            return True, 0.0, trial.objective + 100 * trial.violation
+        if number not in shares:
+            shares[number] = share(number)
+        return False, -shares[number], trial.objective
+
+    # All pairs of angles are judged of the best by their rows, until one of these meets them.
+    exchanges = EXCHANGES
+    while verdicts[chosen := min(range(len(trials)), key=rank)].worst is None:
+        with context.step("All pairs of angles"):
+            better = _with_worst(trials[chosen], poor, tasks, limits, spec.floor, exchanges)
+        trials[chosen], verdicts[chosen] = better
+        exchanges = 0
+    best = put_in(trials[chosen].placement, poor)
     return MirrorDesign(best, trials, verdicts, tasks, chosen)
+
+
+def _with_worst(
+    trial: Trial,
+    poor: Finger,
+    tasks: Sequence[Task],
+    limits: tuple[Placement, Placement],
+    floor: float,
+    exchanges: int,
+) -> tuple[Trial, Verdict]:
+    """A trial searched on with the postures that are worst in it, and the verdict on it.
+
+    The search looks at some postures and the verdict at all. As in an exchange method (R. Hettich,
+    K. O. Kortanek, SIAM Rev. 35 (1993) 380) those that the verdict names take the place of others
+    until it is content, or does not get better.
+    """
+    best = trial, judged(put_in(trial.placement, poor))
+    task, now = tasks[-1], best
+    # What is not even seen without errors is looked for without copies, all but one.
+    copies = None if np.min(best[1].coverage) >= 1 - HIDDEN else 1
+    for number in range(min(exchanges, task.plain)):
+        if best[1].meets(floor):
+            break
+        worst = now[1].worst
+        assert worst is not None  # as it is judged everywhere
+        task = task.looking_at(worst.postures, number)
+        more = search(now[0].placement, limits, [task], copies, stages=STAGES[-1:])
+        more = more._replace(start=trial.start, steps=more.steps + now[0].steps)
+        more = more._replace(seconds=more.seconds + now[0].seconds)
+        now = more, judged(put_in(more.placement, poor))
+        best = max(best, now, key=lambda one: one[1].quality(floor))
+    return best
 
 
 def _random(spec: MirrorSpec, task: Task, seed: int) -> list[Placement]:
@@ -177,14 +257,16 @@ def search(
     bounds: tuple[Placement, Placement],
     tasks: Sequence[Task],
     copies: int | None = None,
+    stages: Sequence[Stage] | None = None,
 ) -> Trial:
     """Search from one start through all stages.
 
     Args:
         start: it need not be inside the bounds.
         bounds: least and greatest values.
-        tasks: one for each of `STAGES`, all of one size.
+        tasks: one for each stage, all of one size.
         copies: the first so many of a task count; all of them by default.
+        stages: `STAGES` by default.
     """
     begin = time.perf_counter()
     units, build = ravel_pytree(scale(tasks[0].finger))
@@ -193,7 +275,7 @@ def search(
     count = jnp.asarray(tasks[0].copies if copies is None else copies)
     terms: Evaluation | None = None
     steps = 0
-    for task, stage in zip(tasks, STAGES, strict=True):
+    for task, stage in zip(tasks, STAGES if stages is None else stages, strict=True):
         penalty = jnp.asarray(stage.penalty)
         given = task, count, penalty, multipliers
         point, taken = _stage(point, (low, high), given)
@@ -255,8 +337,8 @@ def _violation(terms: Evaluation) -> float:
 
 def no_multipliers(task: Task) -> Multipliers:
     """Zeros: nothing is known of the inequalities yet."""
-    places = task.plain * task.angles.shape[1]
-    return {"resolution": jnp.zeros((places, len(PHALANGES))), "clearance": jnp.zeros(2)}
+    of_pads = jnp.zeros((task.plain * task.angles.shape[1], len(PHALANGES)))
+    return {"coverage": of_pads, "resolution": of_pads, "clearance": jnp.zeros(2)}
 
 
 @jax.jit
@@ -274,13 +356,20 @@ def lagrangian(
     """
     units, build = ravel_pytree(scale(task.finger))
     plain, poses = task.plain, task.angles.shape[1]
-    sharp = multipliers["resolution"].reshape(plain, poses, -1)
+    of_pads = {
+        name: given.reshape(plain, poses, -1)
+        for name, given in multipliers.items()
+        if name != "clearance"
+    }
 
     def of_look(
         point: Float[Array, " parameters"], number: Int[Array, ""]
     ) -> tuple[Float[Array, ""], Look]:
         seen = look(build(point * units), task, number)
-        unmet = _unmet(seen.resolution, sharp[jnp.minimum(number, plain - 1)], penalty)
+        own = jnp.minimum(number, plain - 1)
+        unmet = sum(
+            _unmet(seen.levels[name], given[own], penalty) for name, given in of_pads.items()
+        )
         with_errors = number >= plain
         value = jnp.where(with_errors, 100 / copies, 100 / plain) * seen.missing
         return value + jnp.where(with_errors, 0.0, unmet), seen._replace(missing=value)
@@ -294,15 +383,18 @@ def lagrangian(
     def add(number: Int[Array, ""], so_far: Any) -> Any:
         total, value, levels, slope = so_far
         (part, seen), of_part = jax.value_and_grad(of_look, has_aux=True)(point, number)
-        levels = levels.at[number].set(seen.resolution)
+        levels = jax.tree.map(lambda all_, one: all_.at[number].set(one), levels, seen.levels)
         return total + part, value + seen.missing, levels, slope + of_part
 
     (total, (price, clearance)), slope = jax.value_and_grad(of_rest, has_aux=True)(point)
-    levels = jnp.zeros((len(task.angles), *sharp.shape[1:]))
+    levels = {
+        name: jnp.zeros((len(task.angles), *given.shape[1:])) for name, given in of_pads.items()
+    }
     first = (total, price, levels, slope)
     total, value, levels, slope = jax.lax.fori_loop(0, plain + copies, add, first)
-    resolution = levels[:plain].reshape(multipliers["resolution"].shape)
-    inequalities = {"resolution": resolution, "clearance": clearance}
+    inequalities = {
+        name: level[:plain].reshape(multipliers[name].shape) for name, level in levels.items()
+    } | {"clearance": clearance}
     return (total, Evaluation(objective=value, inequalities=inequalities)), slope
 
 

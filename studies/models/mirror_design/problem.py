@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -15,14 +16,14 @@ from jaxtyping import Array, Float, Int
 from designopt.numerics import as_float
 from designopt.optimize import Evaluation, Problem, Requirement
 from optics.visibility.coverage import find_views
-from studies.models.finger import PHALANGES, Finger
+from studies.models.finger import PHALANGES, Finger, camera_of
 from studies.models.mirror_design.errors import perturb, spread_evenly
 from studies.models.mirror_design.placement import DISTAL, PROXIMAL, Placement, bounds, scale
+from studies.models.mirror_design.postures import GOLDEN
 from studies.models.mirror_design.seeing import (
     hidden_penalty,
     least_resolution,
     pad_lengths,
-    together,
 )
 from studies.models.mirror_design.spec import MirrorSpec
 
@@ -33,10 +34,11 @@ RESERVE = 1.08
 """Resolution is asked for with so much to spare, for the search looks at every second degree: where
 one view hands over to the other it dips within a degree or two, by 4 % between these."""
 
+HIDDEN_SCALE = 0.1
+"""A part of a pad that is not seen without errors, and counts as 1."""
+
 CLEARANCE_SCALE = 10.0
 """A clearance that is missing by so much, mm, counts as 1."""
-
-GOLDEN = (math.sqrt(5) - 1) / 2
 
 
 class Task(eqx.Module):
@@ -47,7 +49,8 @@ class Task(eqx.Module):
     Attributes:
         finger: whose camera and mirrors are placed.
         errors: of the finger of every look, in the order of `errors.NAMES`; 0 in the first ones.
-        angles: joint angles of every look's postures, rad.
+        angles: PIP and DIP in every look's postures, rad: all pairs of each joint's angles are
+            looked at sooner or later, by one look or another.
         floor: least resolution, px/mm.
         mirror_weight: price of 10 mm of mirror, in % of a pad that is not seen.
         clearance: of the mirrors from the camera's body, mm.
@@ -56,7 +59,7 @@ class Task(eqx.Module):
 
     finger: Finger
     errors: Float[Array, "looks 7"]
-    angles: Float[Array, "looks poses"]
+    angles: Float[Array, "looks poses 2"]
     floor: Float[Array, ""] = eqx.field(converter=as_float)
     mirror_weight: Float[Array, ""] = eqx.field(converter=as_float)
     clearance: Float[Array, ""] = eqx.field(converter=as_float)
@@ -72,15 +75,15 @@ class Task(eqx.Module):
             seed: of the copies' errors.
             growth: of the copies' errors, beyond `SearchSpec.spread`.
         """
-        search, range_deg = spec.search, finger.body.range_deg
+        search, ends = spec.search, np.deg2rad(finger.body.ranges_deg)
         plain = math.ceil(PLAIN / search.poses)
-        even = np.linspace(0.0, range_deg, plain * search.poses).reshape(plain, -1)
-        own = copies_angles_deg(range_deg, search.copies, search.poses)
+        even = np.linspace(0.0, 1.0, plain * search.poses).reshape(search.poses, plain).T
+        own = spread_angles(search.copies, search.poses)
         errors = spread_evenly(spec.tolerances, search.copies, seed) * search.spread * growth
         return cls(
             finger=finger,
             errors=jnp.asarray(np.pad(errors, ((plain, 0), (0, 0)))),
-            angles=jnp.asarray(np.deg2rad(np.concatenate([even, own]))),
+            angles=jnp.asarray(ends * np.concatenate([in_pairs(even), in_pairs(own)])),
             floor=spec.floor,
             mirror_weight=spec.search.mirror_weight,
             clearance=spec.room.clearance,
@@ -92,23 +95,33 @@ class Task(eqx.Module):
         """How many copies with errors are looked at."""
         return len(self.angles) - self.plain
 
+    def looking_at(self, postures: Float[np.ndarray, "worst 2"], number: int) -> Task:
+        """The same with other postures (PIP and DIP, rad) in one of the looks without errors."""
+        own = np.resize(postures, self.angles.shape[1:])
+        return replace(self, angles=self.angles.at[number].set(own))
+
     def first(self, copies: int) -> Task:
         """The same with the first copies only."""
         looks = self.plain + copies
         return replace(self, errors=self.errors[:looks], angles=self.angles[:looks])
 
 
-def copies_angles_deg(
-    range_deg: float, copies: int, poses: int
-) -> Float[np.ndarray, "copies poses"]:
-    """Angles of every copy's postures, degrees: even, and of each copy shifted by another part.
+def spread_angles(copies: int, poses: int) -> Float[np.ndarray, "copies poses"]:
+    """Angles of every copy's postures over the range: even, of each copy shifted by another part.
 
     All copies together look at ``copies · poses`` different angles, so none is missed for long.
     """
-    step = range_deg / (poses - 1)
+    step = 1 / (poses - 1)
     shift = (np.arange(copies) * GOLDEN + 0.5) % 1 - 0.5
-    even = np.linspace(0, range_deg, poses)
-    return np.clip(even[None] + step * shift[:, None], 0, range_deg)
+    even = np.linspace(0, 1, poses)
+    return np.clip(even[None] + step * shift[:, None], 0, 1)
+
+
+def in_pairs(angles: Float[np.ndarray, "looks poses"]) -> Float[np.ndarray, "looks poses 2"]:
+    """Angles of both joints: in each look those of DIP are PIP's, turned by the look's number."""
+    looks, poses = angles.shape
+    turned = (np.arange(poses) + np.arange(looks)[:, None]) % poses
+    return np.stack([angles, np.take_along_axis(angles, turned, axis=1)], axis=-1)
 
 
 class Look(NamedTuple):
@@ -117,20 +130,22 @@ class Look(NamedTuple):
     Attributes:
         missing: part of a pad that is not seen (`hidden_penalty`), mean over postures, summed
             over pads.
-        resolution: level of the inequality (≥ 0).
+        levels: of the inequalities (≥ 0) by name: ``coverage``, which only 0 meets, and
+            ``resolution``.
     """
 
     missing: Float[Array, ""]
-    resolution: Float[Array, "poses pads"]
+    levels: dict[str, Float[Array, "poses pads"]]
 
 
 def look(placement: Placement, task: Task, number: Int[Array, ""]) -> Look:
     """One look of a task at a placement."""
-    scene = perturb(eqx.combine(placement, task.finger), task.errors[number]).scene()
-    views = find_views(scene, together(task.angles[number]))
+    scene = perturb(put_in(placement, task.finger), task.errors[number]).scene()
+    views = find_views(scene, task.angles[number])
     sharp = least_resolution(views.value, pad_lengths(scene))
-    hidden = jnp.mean(jnp.sum(hidden_penalty(views), axis=-1))
-    return Look(hidden, sharp / (RESERVE * task.floor) - 1)
+    hidden = hidden_penalty(views)
+    levels = {"coverage": -hidden / HIDDEN_SCALE, "resolution": sharp / (RESERVE * task.floor) - 1}
+    return Look(jnp.mean(jnp.sum(hidden, axis=-1)), levels)
 
 
 def clearances(finger: Finger) -> Float[Array, "2"]:
@@ -139,10 +154,23 @@ def clearances(finger: Finger) -> Float[Array, "2"]:
     Measured along x in the straight finger. Flexion only turns these ends away: a place (x, y)
     with y > 0 of the proximal phalanx goes towards −x, of the distal one towards +x.
     """
-    body = finger.camera_body()
+    body = finger.camera_corners()[:, 0]
     near = finger.mirrors[DISTAL].ends[0, 0] + finger.body.intermediate
-    left = jnp.minimum(body[0, 0], body[1, 0]) - finger.mirrors[PROXIMAL].ends[0, 0]
-    return jnp.stack([left, near - jnp.maximum(body[0, 0], body[1, 0])])
+    left = jnp.min(body) - finger.mirrors[PROXIMAL].ends[0, 0]
+    return jnp.stack([left, near - jnp.max(body)])
+
+
+def dorsal_room(finger: Finger) -> Float[Array, ""]:
+    """Room between the camera's body, tilted as it is, and the dorsal face, mm."""
+    return finger.body.dorsal - jnp.max(finger.camera_corners()[:, 1])
+
+
+def put_in(placement: Placement, finger: Finger) -> Finger:
+    """The finger with a placement, its camera so deep that its body is inside the dorsal face."""
+    made = eqx.combine(placement, finger)
+    camera = camera_of(made)
+    deeper = camera.depth + jnp.maximum(-dorsal_room(made), 0.0)
+    return replace(made, camera=replace(camera, depth=deeper))
 
 
 def cost_and_clearance(
@@ -151,7 +179,7 @@ def cost_and_clearance(
     """Mirror-length penalty and clearance constraints (≥ 0); neither needs ray tracing."""
     lengths = jnp.stack([mirror.length for mirror in placement.mirrors])
     cost = task.mirror_weight * jnp.sum(lengths) / 10
-    room = clearances(eqx.combine(placement, task.finger))
+    room = clearances(put_in(placement, task.finger))
     return cost, (room - task.clearance) / CLEARANCE_SCALE
 
 
@@ -159,33 +187,35 @@ def terms_of(placement: Placement, task: Task) -> Evaluation:
     """Objective and inequalities (≥ 0) of a placement, all of order one; differentiable.
 
     The objective is, in % of a pad: what the copies do not see, what is not seen without errors,
-    and the price of the mirrors. ``resolution`` has the shape (poses, pads) over the looks without
-    errors, ``clearance`` (2,).
+    and the price of the mirrors. ``coverage`` and ``resolution`` have the shape (poses, pads) over
+    the looks without errors, ``clearance`` (2,).
     """
     # One look after the other: all postures together would leave the cache.
     looks = jax.lax.map(lambda number: look(placement, task, number), jnp.arange(len(task.angles)))
     cost, clearance = cost_and_clearance(placement, task)
     hidden = jnp.mean(looks.missing[: task.plain]) + jnp.mean(looks.missing[task.plain :])
-    sharp = looks.resolution[: task.plain]
-    return Evaluation(
-        objective=100 * hidden + cost,
-        inequalities={"resolution": sharp.reshape(-1, sharp.shape[-1]), "clearance": clearance},
-    )
+    own = {
+        name: level[: task.plain].reshape(-1, level.shape[-1])
+        for name, level in looks.levels.items()
+    }
+    return Evaluation(objective=100 * hidden + cost, inequalities=own | {"clearance": clearance})
 
 
 def problem_of(spec: MirrorSpec, task: Task) -> Problem:
     """The problem in the form that all solvers take."""
     least, greatest = bounds(task.finger, spec)
-    degrees = np.rad2deg(task.angles[: task.plain]).ravel()
+    degrees = np.rad2deg(task.angles[: task.plain]).reshape(-1, 2)
 
-    def resolution(at: tuple[int, ...]) -> str:
-        return f"resolution of the {PHALANGES[at[1]]} pad at {degrees[at[0]]:g}°"
+    def of_pad(what: str, at: tuple[int, ...]) -> str:
+        pip, dip = degrees[at[0]]
+        return f"{what} of the {PHALANGES[at[1]]} pad at PIP {pip:g}°, DIP {dip:g}°"
 
     def clearance(at: tuple[int, ...]) -> str:
         return f"the {('proximal', 'distal')[at[0]]} mirror beside the camera's body"
 
     requirements = {
-        "resolution": Requirement(resolution, "px/mm", RESERVE * spec.floor),
+        "coverage": Requirement(partial(of_pad, "coverage"), "%", 100 * HIDDEN_SCALE),
+        "resolution": Requirement(partial(of_pad, "resolution"), "px/mm", RESERVE * spec.floor),
         "clearance": Requirement(clearance, "mm", CLEARANCE_SCALE),
     }
     return Problem(terms_of, least, greatest, scale(task.finger), requirements, data=(task,))

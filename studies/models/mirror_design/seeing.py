@@ -18,9 +18,8 @@ NO_VIEW = 1e3
 def together(angles: Float[Array, "*batch"]) -> Float[Array, "*batch 2"]:
     """Poses in which both joints have the same angle, rad.
 
-    PIP changes only the view of the proximal pad and DIP only that of the distal one (a test and
-    the study's own run compare this with the whole square), so one row of such poses says as much
-    as all pairs of angles do.
+    Often PIP changes only the view of the proximal pad and DIP only that of the distal one. But a
+    mirror or a layer may stand in the other pad's view: a verdict is on all pairs of angles.
     """
     return jnp.stack([angles, angles], axis=-1)
 
@@ -42,7 +41,7 @@ def best_resolution(
     """Resolution (px/mm) at places of each pad by the view that shows it best; 0 if none does.
 
     Args:
-        views: pieces that an `Equidistant` camera sees.
+        views: pieces that are seen.
         lengths: of the pads, mm.
         places: pad coordinates, 0 to 1.
     """
@@ -76,8 +75,9 @@ def _best(
     """The best resolution at places of each pad, by the pieces that they are said to be inside of.
 
     For straight mirrors and an equidistant lens, resolution times squared distance is the same
-    all along a piece, and the squared distance is a quadratic of the place (Stewart's theorem):
-    both follow from a piece's ends.
+    all along a piece of a bare pad, and the squared distance is a quadratic of the place (Stewart's
+    theorem): both follow from a piece's ends. Of other lenses and behind layers the product is
+    taken to change evenly from end to end, which is exact at the ends alone.
     """
     there, start, end = (leaf[..., None] for leaf in (views.present, views.start, views.end))
     inside = there & inside
@@ -86,7 +86,8 @@ def _best(
     first, last = (views.distance[..., i, None] ** 2 for i in (0, 1))
     along = width * lengths.reshape((1,) * (views.start.ndim - 2) + (-1, 1, 1))
     squared = first + part * (last - first) - part * (1 - part) * along * along
-    strength = views.px_per_mm[..., 0, None] * first
+    near, far = (views.px_per_mm[..., i, None] * end for i, end in enumerate((first, last)))
+    strength = near + part * (far - near)
     sharp = jnp.where(inside, strength / jnp.where(inside, squared, 1.0), 0.0)
     return jnp.max(sharp, axis=-2)
 

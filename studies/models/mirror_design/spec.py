@@ -2,29 +2,124 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from designopt import Spec, setting
+from optics.scene.catalogue import camera_catalogue, filled_in
 from studies.models.body import BodySpec, Length
 
+if TYPE_CHECKING:
+    from optics.scene.camera import Camera
+    from studies.models.pad_layers import PadLayers
+
 Error = Annotated[float, Field(gt=0, le=10)]
+
+MOST_LAYERS, LARGEST_INDEX = 4, 4.0
+"""As in scene files, whose module takes long to import."""
 
 FLOOR = 2.5
 """Least resolution, px/mm, of which the study's targets speak."""
 
 
 class CameraSpec(Spec):
-    """The camera on the intermediate phalanx: an equidistant lens with an opaque body behind it."""
+    """The camera on the intermediate phalanx: a lens with an opaque body behind it.
 
-    fov_deg: float = setting(160.0, "field of view (degrees)", ge=20, le=220)
+    Either an equidistant lens of any field of view, or one that is sold (``model``).
+    """
+
+    fov_deg: float = setting(160.0, "field of view in the section (degrees)", ge=20, le=220)
     pixels: int = setting(1080, "pixels along the image line", ge=16, le=100_000)
+    model: str = setting(
+        "", "camera of the catalogue, which has its own field of view and pixels (empty: none)"
+    )
+    section_axis: Literal["long", "short"] = setting(
+        "long", "side of its sensor that lies in the section"
+    )
+    f_number: float = setting(
+        0.0, "focal length over aperture, for blur (0: sharp everywhere)", ge=0, le=100
+    )
+    focus: Length = setting(30.0, "distance at which it is focused (mm)")
+    max_blur_px: Length = setting(2.0, "largest blur spot that is accepted (pixels)")
     width: Length = setting(8.0, "width of the opaque body (mm)")
-    depth: Length = setting(4.0, "what the body needs below the dorsal face, behind the lens (mm)")
+    depth: Length = setting(4.0, "from the pinhole to the back of the opaque body (mm)")
     min_grazing_deg: float = setting(
         2.0, "least angle between a pad and a ray that shows it (degrees)", ge=0, lt=60
     )
+
+    @property
+    def back(self) -> float:
+        """From the pinhole to the back of the body, mm."""
+        return self.depth
+
+    @property
+    def optics(self) -> Camera:
+        """Lens and sensor, somewhere."""
+        from optics.scene.file import CameraTable
+        from optics.scene.reading import build_camera
+
+        place: dict[str, Any] = {"position": (0.0, 0.0), "direction_deg": 0.0}
+        table = place | {"fov_deg": self.fov_deg, "pixels": self.pixels}
+        if self.model:
+            table = place | {"model": self.model, "format": {"section_axis": self.section_axis}}
+        camera = CameraTable.model_validate(table)
+        if self.f_number and camera.sold is not None:
+            lens = {"focal_length": camera.sold.focal_length, "f_number": self.f_number}
+            table |= {"lens": lens | {"focus": self.focus}, "max_blur_px": self.max_blur_px}
+            camera = CameraTable.model_validate(table)
+        return build_camera(camera)
+
+    @model_validator(mode="after")
+    def _is_sold(self) -> CameraSpec:
+        if self.model:
+            filled_in({"model": self.model})
+        elif self.f_number:
+            raise ValueError(
+                "f_number is of a lens before a sensor; name a 'model' of the catalogue, too: "
+                + ", ".join(camera_catalogue())
+            )
+        return self
+
+
+class PadsSpec(Spec):
+    """Clear layers on the pads, from the camera's side to the membrane."""
+
+    thickness: list[Length] = setting(
+        [], "of each layer (mm); none: bare pads", max_length=MOST_LAYERS
+    )
+    index: list[Annotated[float, Field(ge=1, le=LARGEST_INDEX)]] = setting(
+        [], "of refraction of each layer"
+    )
+    ends: Literal["black", "clear"] = setting("black", "end faces of the layers")
+    reach: Literal["flush", "free"] = setting(
+        "free", "whether the search places the edges of the end faces, or they end at the membrane"
+    )
+    wall: float = setting(0.5, "of the rim, what stays free of layers (mm)", ge=0, le=100)
+    min_transmission: float = setting(
+        0.3, "least part of the light of a ray that counts", ge=0, lt=1
+    )
+
+    @model_validator(mode="after")
+    def _fit(self) -> PadsSpec:
+        if len(self.index) != len(self.thickness):
+            raise ValueError(
+                f"{len(self.thickness)} layers have a thickness and {len(self.index)} an index; "
+                "give both of each"
+            )
+        return self
+
+    def layers(self) -> PadLayers | None:
+        """The layers, their ends bevelled along the planes that halve the joints; or none."""
+        import jax.numpy as jnp
+
+        from studies.models.pad_layers import PadLayers
+
+        if not self.thickness:
+            return None
+        reach = [[1.0 if self.reach == "free" else 0.0] * 2] * len(self.thickness)
+        numbers = self.thickness, self.index, reach, reach, self.wall, self.min_transmission
+        return PadLayers(*map(jnp.asarray, numbers), ends=self.ends)
 
 
 class RoomSpec(Spec):
@@ -69,6 +164,7 @@ class MirrorSpec(Spec):
     """What `design_mirrors` is given besides the body."""
 
     camera: CameraSpec = CameraSpec()
+    pads: PadsSpec = PadsSpec()
     room: RoomSpec = RoomSpec()
     tolerances: ToleranceSpec = ToleranceSpec()
     search: SearchSpec = SearchSpec()

@@ -14,8 +14,7 @@ from designopt.batching import map_blocks
 from optics.visibility.coverage import find_coverage
 from studies.models.finger import Finger
 from studies.models.mirror_design.errors import NAMES, deviations, perturb, sample_errors
-from studies.models.mirror_design.judging import ROUNDING, whole_degrees
-from studies.models.mirror_design.seeing import together
+from studies.models.mirror_design.postures import ROUNDING, crossed, whole_degrees
 from studies.models.mirror_design.spec import ToleranceSpec
 
 GROUPS = {
@@ -41,7 +40,8 @@ class Yield(NamedTuple):
         low: lower limit of its 95 % confidence interval.
         high: upper limit.
         draws: how many.
-        by_pose: part of the draws in which each pad is wholly seen, shape (poses, pads).
+        by_pose: part of the draws in which each pad is wholly seen, shape (poses, pads): degree by
+            degree, both joints bent alike.
     """
 
     value: float
@@ -61,15 +61,28 @@ def share_of(coverage: Float[np.ndarray, "draws poses pads"]) -> Yield:
     low, high = scipy.stats.binomtest(good, draws).proportion_ci(method="wilson")
     # Rounding may leave a share of 0 or 1 outside.
     value = good / draws
-    return Yield(value, min(low, value), max(high, value), draws, np.mean(whole, axis=0))
+    row = np.mean(whole, axis=0)[: whole.shape[1] // 2]
+    return Yield(value, min(low, value), max(high, value), draws, row)
 
 
 def coverages(
     finger: Finger, errors: Float[np.ndarray, "draws 7"]
 ) -> Float[np.ndarray, "draws poses pads"]:
-    """Coverage degree by degree of fingers assembled with errors (in the order of `NAMES`)."""
-    poses = together(jnp.deg2rad(jnp.asarray(whole_degrees(finger.body.range_deg))))
+    """Coverage of fingers assembled with errors (in the order of `NAMES`).
+
+    Degree by degree with both joints bent alike, then each degree of PIP with another one of DIP:
+    all pairs for all draws would take a hundred times as long.
+    """
+    poses = jnp.deg2rad(jnp.asarray(postures(finger)))
     return map_blocks(lambda block: _coverages(finger, block, poses), BLOCK, errors)
+
+
+def postures(finger: Finger) -> Float[np.ndarray, "poses 2"]:
+    """PIP and DIP of the postures in which fingers with errors are looked at, degrees."""
+    whole = whole_degrees(finger.body.range_deg)
+    alike = np.stack([whole, whole], axis=-1)
+    pairs = np.stack([whole, crossed(whole)], axis=-1)
+    return np.minimum(np.concatenate([alike, pairs]), finger.body.ranges_deg)
 
 
 @jax.jit
