@@ -191,9 +191,8 @@ def test_rays_see_the_same(ends):
 def test_slopes_are_central_differences():
     """Of coverage over layers, ends, body and camera; compiled and batched."""
     made = finger((1.5, 1.0), reach=0.6, range_deg=[88, 79], protrusion=0.1)
-    point, build = ravel_pytree(made.__class__(
-        made.body, None, None, made.camera, made.mirrors, made.name, None, made.layers
-    ))  # fmt: skip
+    sees = Finger.of(made.body, camera=made.camera, mirrors=made.mirrors, layers=made.layers)
+    point, build = ravel_pytree(sees)
     pose = jnp.deg2rad(jnp.array([[61.3, 57.7], [20.1, 12.3]]))
     weights = jnp.array([[1.0, 0.3, 0.7], [0.6, 0.2, 1.1]])
 

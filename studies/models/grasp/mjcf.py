@@ -84,7 +84,7 @@ def grasp_mjcf(finger: Finger, thing: Circle | None = None) -> str:
     Raises:
         UserError: the finger has no pins, or no spring.
     """
-    spring, limit = spring_of(finger), float(finger.body.flexion)
+    spring, (pip, dip) = spring_of(finger), map(float, finger.body.flexions)
     ends = dict(zip(PHALANGES, np.asarray(finger.pads(), float).tolist(), strict=True))
     discs = []
     if thing is not None:
@@ -94,8 +94,8 @@ def grasp_mjcf(finger: Finger, thing: Circle | None = None) -> str:
         finger.linkage("crank"),
         motors={MOTOR: float(spring.servo)},
         stops=[
-            Stop(("proximal", "intermediate"), -limit, 0.0),
-            Stop(("intermediate", "distal"), -limit, 0.0),
+            Stop(("proximal", "intermediate"), -pip, 0.0),
+            Stop(("intermediate", "distal"), -dip, 0.0),
         ],
         pads=[
             Pad(f"{name} pad", name, (start[0], start[1]), (end[0], end[1]))

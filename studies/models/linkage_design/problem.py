@@ -109,9 +109,10 @@ def with_motor_pin(finger: Finger, arm: float) -> Finger:
         arm: |FK|, mm.
     """
     assert finger.motor is not None
-    pins, end = pins_of(finger), jnp.reshape(finger.body.flexion, (1,))
+    pins = pins_of(finger)
     bare = replace(finger, motor=None, pins=replace(pins, K=None))
-    crank_range = find_postures(bare, end, end).crank[0, 0]
+    ends = (jnp.reshape(end, (1,)) for end in finger.body.flexions)
+    crank_range = find_postures(bare, *ends).crank[0, 0]
     towards = vector(finger.motor.axis(finger.body, pins) - pins.F)
     along = towards.scaled(1 / towards.length()).turned(rotation((crank_range - jnp.pi) / 2))
     return replace(finger, pins=replace(pins, K=pins.F + arm * along.stacked()))
