@@ -4,6 +4,7 @@ from .model.grashof import Grashof, classify_grashof
 from .model.linkage import Line, Link, Linkage, Spring
 from .model.loops import Loop, find_vector_loops
 from .solve.assemblies import Assemblies, find_assemblies
+from .solve.clearance import find_separation
 from .solve.limits import Limit, Limits, find_limits, solve_turning_point
 from .solve.plan import describe_plan
 from .solve.poses import PoseResult, solve_poses
@@ -41,6 +42,7 @@ __all__ = [
     "describe_plan",
     "find_assemblies",
     "find_limits",
+    "find_separation",
     "find_vector_loops",
     "format_linkage",
     "make_zero_deviations",

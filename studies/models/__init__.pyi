@@ -1,5 +1,7 @@
-from .finger import Body, Finger, FingerCamera, FingerMirror, FingerSpring
+from .finger import Body, Finger, FingerCamera, FingerMirror, FingerMotor, FingerSpring
 from .finger_file import format_finger, packaged_finger, parse_finger, read_finger, write_finger
+from .link_layers import Links
+from .linkage_design.forces import find_held_force, find_pinch_forces, find_stresses
 from .pad_layers import PadLayers
 from .pins import Pins
 from .soft_finger.finger import SoftFinger
@@ -9,10 +11,15 @@ __all__ = [
     "Finger",
     "FingerCamera",
     "FingerMirror",
+    "FingerMotor",
     "FingerSpring",
+    "Links",
     "PadLayers",
     "Pins",
     "SoftFinger",
+    "find_held_force",
+    "find_pinch_forces",
+    "find_stresses",
     "format_finger",
     "packaged_finger",
     "parse_finger",

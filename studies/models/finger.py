@@ -29,7 +29,7 @@ from optics.scene.layers import LayerKinds
 from optics.scene.scene import WORLD, Frame, Layout, Scene, Surface
 from optics.scene.thin_lens import ThinLens
 from studies.models.body import BodyTable
-from studies.models.links import Links
+from studies.models.link_layers import Links
 from studies.models.pad_layers import PadLayers, Room
 from studies.models.pins import Pins, pin_name
 

@@ -40,7 +40,8 @@ from studies.models.finger import (
     FingerMotor,
     FingerSpring,
 )
-from studies.models.links import Links, LinksTable
+from studies.models.link_layers import Links
+from studies.models.links import LinksTable
 from studies.models.pad_layers import LEAST_TRANSMISSION, WALL, PadLayers
 from studies.models.pins import Pins, pin_name
 

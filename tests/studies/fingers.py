@@ -7,7 +7,8 @@ from pathlib import Path
 from studies.models import Body, Finger, FingerSpring, Pins
 from studies.models.body import BodySpec
 from studies.models.grasp.spec import PinsSpec
-from studies.models.links import Links, LinksTable
+from studies.models.link_layers import Links
+from studies.models.links import LinksTable
 from studies.models.mirror_design.placement import reference_layout
 from studies.models.mirror_design.spec import MirrorSpec
 

@@ -19,6 +19,7 @@ from designopt.study.report import Report
 from designopt.study.runner import run_study
 from studies.finger_linkage.solvers import add_comparison
 from studies.models.finger_file import write_finger
+from studies.models.link_layers import Links
 from studies.models.linkage_design import tables
 from studies.models.linkage_design.analysis import layers_fit
 from studies.models.linkage_design.clearances import HOSTS
@@ -34,7 +35,7 @@ from studies.models.linkage_design.spec import (
     SearchSpec,
 )
 from studies.models.linkage_design.tolerance import least_angles
-from studies.models.links import Links, LinksTable
+from studies.models.links import LinksTable
 from studies.models.pins import Pins, pin_name
 from studies.oracles.clearances import polygon_clearances
 from studies.oracles.grasp import Setting, pin_places

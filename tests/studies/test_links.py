@@ -17,6 +17,7 @@ from studies.models import packaged_finger
 from studies.models.finger import Finger, links_of, pins_of
 from studies.models.finger_file import write_finger
 from studies.models.grasp.pinch import predict
+from studies.models.link_layers import Links, find_meetings
 from studies.models.linkage_design.forces import (
     find_held_force,
     find_pinch_forces,
@@ -24,7 +25,7 @@ from studies.models.linkage_design.forces import (
 )
 from studies.models.linkage_design.judging import judged
 from studies.models.linkage_design.spec import LimitsSpec, MotorSpec
-from studies.models.links import BARS, LAYERS, WALLS, Links, LinksTable, find_meetings
+from studies.models.links import BARS, LAYERS, WALLS, LinksTable
 from studies.models.pins import pin_name
 from studies.oracles.clearances import CARRIERS, polygon_clearances
 from studies.oracles.grasp import Push, Setting, balance

@@ -17,8 +17,9 @@ from jaxtyping import Array, Float
 from designopt.vectors import Vector
 from kinematics.solve.clearance import find_separation
 from studies.models.finger import Body, Finger, links_of
+from studies.models.link_layers import Meeting
 from studies.models.linkage_design.postures import Postures
-from studies.models.links import OUTLINES, Meeting
+from studies.models.links import OUTLINES
 
 HOSTS = {
     "F": "proximal",

@@ -54,6 +54,12 @@ def find_pinch_forces(
 
     Source: Birglen, Laliberté & Gosselin, *Underactuated Robotic Hands*, 2008, ch. 3, for moment
     and stop; the links' balances are this project's.
+
+    Example:
+        >>> from studies.models import packaged_finger
+        >>> found = find_pinch_forces(packaged_finger(), jnp.zeros(1), 5.0, 30.5)
+        >>> round(float(found.crank_moment[0]))  # N mm
+        274
     """
     found = find_postures(finger, pip, jnp.zeros(1))
     knuckle, body, spring = rotation(-pip), finger.body, spring_of(finger)
@@ -115,6 +121,12 @@ def find_held_force(
         finger: with pins and spring.
         pip: flexion of PIP, rad.
         place: k₂, mm.
+
+    Example:
+        >>> from studies.models import packaged_finger
+        >>> held = find_held_force(packaged_finger(), jnp.zeros(1), jnp.array([12.0, 20.0]))
+        >>> bool(held[0, 0] < held[1, 0])
+        True
     """
     found, spring = find_postures(finger, pip, jnp.zeros(1)), spring_of(finger)
     ratio = (found.dip_ratio / found.pip_ratio)[:, 0]
@@ -141,6 +153,12 @@ def find_stresses(finger: Finger, forces: PinchForces) -> Stresses:
 
     Source: R. G. Budynas, J. K. Nisbett, *Shigley's Mechanical Engineering Design*, 10th ed., 2015,
     chapters 3 and 8 (beams, pins in shear and bending), 5 (von Mises).
+
+    Example:
+        >>> from studies.models import packaged_finger
+        >>> forces = find_pinch_forces(packaged_finger(), jnp.zeros(1), 5.0, 30.5)
+        >>> sorted(find_stresses(packaged_finger(), forces).bars)
+        ['bar', 'coupler', 'crank', 'driver', 'plate', 'rod']
     """
     links = links_of(finger)
     width, hole = links.bar_width, links.pin_diameter

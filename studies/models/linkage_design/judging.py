@@ -16,6 +16,7 @@ from kinematics.model.linkage import Linkage
 from kinematics.solve.poses import solve_poses
 from kinematics.solve.solver import Pose
 from studies.models.finger import Finger, links_of, pins_of
+from studies.models.link_layers import find_meetings
 from studies.models.linkage_design.clearances import HOSTS, faces_of, find_clearances
 from studies.models.linkage_design.forces import (
     find_held_force,
@@ -34,7 +35,6 @@ from studies.models.linkage_design.problem import (
 )
 from studies.models.linkage_design.spec import LimitsSpec, MotorSpec
 from studies.models.linkage_design.transmission import finger_transmission
-from studies.models.links import find_meetings
 from studies.models.pins import pin_name
 
 STEP_DEG = 1.0

@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 from designopt.optimize import Evaluation, Problem, Requirement
 from designopt.vectors import Vector, rotation, vector
 from studies.models.finger import Body, Finger, links_of, pins_of, spring_of
+from studies.models.link_layers import Meeting, find_meetings
 from studies.models.linkage_design.clearances import (
     HOSTS,
     clearances_at,
@@ -23,7 +24,7 @@ from studies.models.linkage_design.clearances import (
 )
 from studies.models.linkage_design.postures import Postures, find_postures, postures_at
 from studies.models.linkage_design.spec import LimitsSpec, MotorSpec
-from studies.models.links import OUTLINES, Meeting, find_meetings
+from studies.models.links import OUTLINES
 from studies.models.pins import Pins, pin_name
 
 LENGTH = 5.0

@@ -31,12 +31,12 @@ from designopt.optimize import (
 )
 from designopt.vectors import rotation
 from studies.models.finger import Body, Finger, FingerMotor, FingerSpring, links_of, pins_of
+from studies.models.link_layers import Links, Meeting, find_meetings
 from studies.models.linkage_design.clearances import clearances_at, name_of
 from studies.models.linkage_design.judging import STEP_DEG
 from studies.models.linkage_design.postures import postures_at
 from studies.models.linkage_design.problem import ANGLE, grid, linkage_problem, with_motor_pin
 from studies.models.linkage_design.spec import FingerLinkageSpec
-from studies.models.links import Links, Meeting, find_meetings
 from studies.models.pins import Pins
 
 FLOOR = -math.pi / 2 / ANGLE

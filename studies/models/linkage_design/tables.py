@@ -7,11 +7,11 @@ import numpy as np
 from designopt.study.records import Records
 from designopt.study.report import Report
 from studies.models.finger import Finger, links_of, pins_of
+from studies.models.link_layers import Links
 from studies.models.linkage_design.analysis import LinkageDesign
 from studies.models.linkage_design.judging import Check
 from studies.models.linkage_design.problem import ANGLE, pairs_on_links, pin_places, pins_on_links
 from studies.models.linkage_design.spec import LimitsSpec
-from studies.models.links import Links
 from studies.models.pins import pin_name
 
 EVERY = 5
