@@ -90,7 +90,7 @@ def find_meetings(links: Links, joined: Mapping[str, Sequence[str]]) -> list[Mee
         >>> links = Links.of(LinksTable())
         >>> pins = {"E": ("crank", "rod"), "H": ("bar", "plate"), "A": ("proximal", "intermediate")}
         >>> [tuple(pair) for pair in find_meetings(links, pins)][:4]
-        [('crank', 'plate'), ('rod', 'bar'), ('crank', 'A'), ('plate', 'A')]
+        [('crank', 'plate'), ('rod', 'bar'), ('crank', 'A'), ('rod', 'A')]
     """
     for pin, bodies in joined.items():
         for one, other in combinations(bodies, 2):
