@@ -339,27 +339,23 @@ class Bodies:
     def _volume(self, element: Element, volume: Volume, origin: np.ndarray) -> None:
         corners = [np.array(corner) - origin for corner in volume.corners]
         low, high = (end * MM for end in volume.across)
-        looks = {"rgba": color(self._colors[volume.body]), "mass": 0.0}
-        touch = {"contype": SOLID, "conaffinity": SOLID, **looks}
-        half = (high - low) / 2
-        count = 0
-        for corner in corners:
-            size = numbers(volume.radius * MM, half)
-            x, y = corner * MM
-            geom = {"type": "cylinder", "size": size, "pos": numbers(x, y, (low + high) / 2)}
-            add(element, "geom", name=f"{volume.name} {count}", **geom, **touch)
-            count += 1
-        edges = len(corners) if len(corners) > 2 else len(corners) - 1
-        for number in range(edges):
-            start, end = corners[number], corners[(number + 1) % len(corners)]
+        radius, half, height = volume.radius * MM, (high - low) / 2, (low + high) / 2
+        geoms: list[dict[str, str]] = [
+            {"type": "cylinder", "size": numbers(radius, half), "pos": numbers(x, y, height)}
+            for x, y in (corner * MM for corner in corners)
+        ]
+        around = corners + corners[:1] if len(corners) > 2 else corners
+        for start, end in itertools.pairwise(around):
             length, (x, y) = math.dist(start, end), (start + end) / 2 * MM
-            if length < SHORTEST:
-                continue
-            size = numbers(length / 2 * MM, volume.radius * MM, half)
-            geom = {"type": "box", "size": size, "pos": numbers(x, y, (low + high) / 2)}
-            geom["euler"] = numbers(0, 0, math.atan2(*(end - start)[::-1]))
-            add(element, "geom", name=f"{volume.name} {count}", **geom, **touch)
-            count += 1
+            if length > SHORTEST:
+                size = numbers(length / 2 * MM, radius, half)
+                turn = numbers(0, 0, math.atan2(*(end - start)[::-1]))
+                geoms.append(
+                    {"type": "box", "size": size, "pos": numbers(x, y, height), "euler": turn}
+                )
+        for number, geom in enumerate(geoms):
+            geom |= {"name": f"{volume.name} {number}", "rgba": color(self._colors[volume.body])}
+            add(element, "geom", **geom, contype=SOLID, conaffinity=SOLID, mass=0)
 
 
 def site_name(joint: str, body: str) -> str:

@@ -139,7 +139,7 @@ def find(spec: FingerSpec, context: Context) -> FingerDesign:
     with context.step("Linkage"):
         linkage = design_linkage(spec.linkage_spec(), context.seed)
     mirrors = design_mirrors(linkage.finger, spec.mirrors, context)
-    finger = replace(mirrors.finger, spring=spring_from(spec.spring))
+    finger = mirrors.finger
     with context.step("Yield of the mirrors"):
         errors = spec.mirrors.tolerances
         share = monte_carlo(finger, errors, draws=spec.yield_draws, seed=context.seed)

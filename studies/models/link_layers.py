@@ -83,19 +83,12 @@ def find_meetings(links: Links, joined: Mapping[str, Sequence[str]]) -> list[Mee
         links: with its layers.
         joined: the bodies that every pin joins, by its name.
 
-    Raises:
-        ValueError: two bodies on one pin lie in one layer.
-
     Example:
         >>> links = Links.of(LinksTable())
         >>> pins = {"E": ("crank", "rod"), "H": ("bar", "plate"), "A": ("proximal", "intermediate")}
         >>> [tuple(pair) for pair in find_meetings(links, pins)][:4]
         [('crank', 'plate'), ('rod', 'bar'), ('crank', 'A'), ('rod', 'A')]
     """
-    for pin, bodies in joined.items():
-        for one, other in combinations(bodies, 2):
-            if links.layer_of(one) == links.layer_of(other):
-                raise ValueError(f"{one} and {other} share pin {pin} and lie in one layer")
     present = [bar for bar in BARS if any(bar in bodies for bodies in joined.values())]
     found = [
         Meeting(one, other)

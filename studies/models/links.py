@@ -8,6 +8,7 @@ are stubs at either side, for the camera looks between them.
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import Annotated
 
 from pydantic import Field, model_validator
@@ -28,8 +29,8 @@ parallelogram, without which there is no K. H is paper B's G'."""
 
 BARS = tuple(OUTLINES)
 
-WALLS = ("proximal", "intermediate", "distal")
-"""The phalanges' side walls, which carry the axles."""
+WALLS = {"proximal": "AFM", "intermediate": "ABG", "distal": "BC"}
+"""The phalanges, by their side walls, and the pins in these."""
 
 AXLES = ("A", "B")
 """Pins that join two walls."""
@@ -96,6 +97,7 @@ class LinksTable(Spec):
                 raise ValueError(
                     f"layers: '{part}' lies in {parts.count(part)} layers; name it in one"
                 )
+        bodies = WALLS | OUTLINES
         for layer in self.layers:
             bars, walls = set(layer) & set(BARS), set(layer) & set(WALLS)
             if bars and walls:
@@ -103,4 +105,9 @@ class LinksTable(Spec):
                     f"layers: {', '.join(sorted(bars))} would move through the wall of "
                     f"{', '.join(sorted(walls))}; give bars and walls layers of their own"
                 )
+            for one, other in combinations((part for part in layer if part in bodies), 2):
+                for pin in sorted(set(bodies[one]) & set(bodies[other])):
+                    raise ValueError(
+                        f"layers: {one} and {other} share pin {pin} and lie in one layer; move one"
+                    )
         return self

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
 from designopt.io.spec import Spec
-from designopt.numerics import as_float
+from designopt.numerics import as_float, optional_float
 from designopt.vectors import Vector, vector
-
-
-def _float_or_none(place: ArrayLike | None) -> Array | None:
-    return None if place is None else as_float(place)
 
 
 class Pins(eqx.Module):
@@ -34,7 +30,7 @@ class Pins(eqx.Module):
     C: Float[Array, "*batch 2"] = eqx.field(converter=as_float)
     G: Float[Array, "*batch 2"] = eqx.field(converter=as_float)
     H: Float[Array, "*batch 2"] = eqx.field(converter=as_float)
-    K: Float[Array, "*batch 2"] | None = eqx.field(default=None, converter=_float_or_none)
+    K: Float[Array, "*batch 2"] | None = eqx.field(default=None, converter=optional_float)
 
     @classmethod
     def of(cls, table: Spec) -> Pins:

@@ -146,7 +146,7 @@ def test_a_module_is_a_part_of_the_scene():
     assert float(dorsal_room(made)) == pytest.approx(21.0 - places.imag.max(), abs=1e-12)
     mirrors = [places.real.min() - 4.16, 23.0 + 0.24 - places.real.max()]
     np.testing.assert_allclose(clearances(made), mirrors, atol=1e-12)
-    # Nearer to the back it would stand out of it, which a scene's reader says, too.
+    # Nearer to the back it would stand out of it, and a scene's reader refuses that.
     out = eqx.tree_at(lambda one: one.camera.depth, made, jnp.asarray(4.5))
     assert float(dorsal_room(out)) < 0
     with pytest.raises(UserError, match="'intermediate shell' would reach into it"):

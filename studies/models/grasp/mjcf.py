@@ -58,17 +58,14 @@ def finger_volumes(finger: Finger) -> list[Volume]:
     half, last = float(links.shell) / 2, len(edges) - 1
     palmar, dorsal = float(body.palmar) + half, float(body.dorsal) - half
     middle, tip = float(body.intermediate), float(body.intermediate + body.distal)
-    spans = {"proximal": (-float(body.proximal), 0.0), "intermediate": (0.0, middle)}
-    spans["distal"] = (middle, tip)
+    root, (pip, dip) = -float(body.proximal), map(float, body.gaps)
     # Palmar faces end where the pads do, dorsal ones at the axes: flexion takes these apart.
-    pip, dip = map(float, body.gaps)
-    short = {"proximal": (0.0, pip), "intermediate": (pip, dip), "distal": (dip, 0.0)}
-    for phalanx, (start, end) in spans.items():
-        first, second = short[phalanx]
-        line = [(start + first + half, palmar), (end - second - half, palmar)]
-        add(f"palmar face of {phalanx}", phalanx, line, half, 1, last)
-        line = [(start + half, dorsal), (end - half, dorsal)]
-        add(f"dorsal face of {phalanx}", phalanx, line, half, 1, last)
+    below = (root, -pip), (pip, middle - dip), (middle + dip, tip)
+    above = (root, 0.0), (0.0, middle), (middle, tip)
+    for face, height, spans in (("palmar", palmar, below), ("dorsal", dorsal, above)):
+        for phalanx, (start, end) in zip(PHALANGES, spans, strict=True):
+            line = [(start + half, height), (end - half, height)]
+            add(f"{face} face of {phalanx}", phalanx, line, half, 1, last)
     wall = [(tip - half, palmar), (tip - half, dorsal)]
     add("tip", "distal", wall, half, 1, last)
     return found

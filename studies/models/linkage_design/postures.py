@@ -35,8 +35,6 @@ class Postures(eqx.Module):
         gamma_slope: dγ/dDIP of the plate's angle γ to the distal phalanx, a row.
         pip_ratio: φ₁ = ∂φ/∂PIP, a square.
         dip_ratio: φ₂ = ∂φ/∂DIP, a square.
-        motor_angle: of transmission from the motor, between F-K and M-F, rad, 0 to π/2, a square;
-            ``None`` without its parallelogram.
     """
 
     inner: dict[str, Vector]
@@ -48,7 +46,6 @@ class Postures(eqx.Module):
     gamma_slope: Float[Array, " dip"]
     pip_ratio: Float[Array, "pip dip"]
     dip_ratio: Float[Array, "pip dip"]
-    motor_angle: Float[Array, "pip dip"] | None
 
 
 def find_postures(finger: Finger, pip: Float[Array, " pip"], dip: Float[Array, " dip"]) -> Postures:
@@ -103,14 +100,13 @@ def postures_at(finger: Finger, knuckle: Vector, flexion: Vector) -> Postures:
     dip_ratio, _ = safe_divide(
         along_plate + plate_ratio[None, :] * (d_out - c_out).cross(pull), lever
     )
-    outer, motor_angle = {"E": e, "F": at["F"]}, None
+    outer = {"E": e, "F": at["F"]}
     if finger.motor is not None:
         axis, arm_k = (
             vector(finger.motor.axis(finger.body, pins_of(finger))),
             (at["K"] - at["F"]).turned(swing),
         )
         outer |= {"K": at["F"] + arm_k, "N": axis + arm_k, "M": axis}
-        motor_angle = fold_angle(arm_k, axis - at["F"])
     phalanx, bar_line = (b, c_out), (g, h_out)
     rod_line = (d_out, e)
     return Postures(
@@ -130,7 +126,6 @@ def postures_at(finger: Finger, knuckle: Vector, flexion: Vector) -> Postures:
         gamma_slope=1 - plate_ratio,
         pip_ratio=pip_ratio,
         dip_ratio=dip_ratio,
-        motor_angle=motor_angle,
     )
 
 

@@ -24,7 +24,7 @@ from studies.models.linkage_design.clearances import (
 )
 from studies.models.linkage_design.postures import Postures, find_postures, postures_at
 from studies.models.linkage_design.spec import LimitsSpec, MotorSpec
-from studies.models.links import OUTLINES
+from studies.models.links import OUTLINES, WALLS
 from studies.models.pins import Pins, pin_name
 
 LENGTH = 5.0
@@ -47,12 +47,8 @@ PINCH, TIP = "pinch held", "force at the tip"
 MOTOR = "transmission from the motor"
 """Name of the requirement on the parallelogram's own angle."""
 
-PHALANX_PINS = {
-    "proximal phalanx": "AFM",
-    "intermediate phalanx": "ABG",
-    "distal phalanx": "BC",
-}
-"""Pins on the phalanges."""
+ON_LINKS = {f"{phalanx} phalanx": pins for phalanx, pins in WALLS.items()} | OUTLINES
+"""Pins on every link."""
 
 
 def _coordinate(pin: str, index: tuple[int, ...]) -> str:
@@ -66,7 +62,7 @@ COORDINATES = {pin: Requirement(functools.partial(_coordinate, pin), "mm") for p
 def pairs_on_links(pins: str) -> list[tuple[str, str]]:
     """Pins on one link whose distance the pins' places decide."""
     there = "AB" + pins
-    links = ([pin for pin in link if pin in there] for link in (PHALANX_PINS | OUTLINES).values())
+    links = ([pin for pin in link if pin in there] for link in ON_LINKS.values())
     pairs = (pair for link in links for pair in combinations(link, 2))
     return [pair for pair in pairs if pair != ("A", "B")]
 
@@ -74,10 +70,7 @@ def pairs_on_links(pins: str) -> list[tuple[str, str]]:
 def pins_on_links(finger: Finger) -> dict[str, str]:
     """The pins on every link that the finger has."""
     there = pin_places(finger)
-    pins = {
-        link: "".join(pin for pin in on if pin in there)
-        for link, on in (PHALANX_PINS | OUTLINES).items()
-    }
+    pins = {link: "".join(pin for pin in on if pin in there) for link, on in ON_LINKS.items()}
     return {link: on for link, on in pins.items() if len(on) > 1}
 
 

@@ -77,7 +77,7 @@ HIDDEN = 0.01
 """Of a pad: where more of it is hidden without errors, these do not matter yet."""
 
 DRAWS = 100
-"""Of errors, by which trials that meet the requirements are told apart."""
+"""Random draws of the errors, by which trials that meet the requirements are ranked."""
 
 SHARE = 0.1
 """Of the Lagrangian, which is what the solver sees: its first steps, for it begins with the
