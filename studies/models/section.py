@@ -28,7 +28,7 @@ COLORS = {
     "driver": VERMILION,
     "coupler": ORANGE,
 }
-"""Of the links; those of the motor's parallelogram have the colors of the linkage's own."""
+"""Of the links; those of the motor's parallelogram are dashed in the colors of the linkage's."""
 
 ROUND = np.exp(1j * np.linspace(0, 2 * np.pi, 48, endpoint=False))
 
@@ -92,7 +92,9 @@ def draw_finger(
             outline: Any = _outline(corners, radius)
             look = {"facecolor": color, "edgecolor": color, "alpha": 0.35 * strength}
             axis.fill(outline.real, outline.imag, label="_", **look)
-        draw([*corners, *corners[:1]], color, name, linewidth=1.0 if radius else 2.0)
+        dashed = "--" if name in ("driver", "coupler") else "-"
+        line = {"linewidth": 1.0 if radius else 2.0, "linestyle": dashed}
+        draw([*corners, *corners[:1]], color, name, **line)
     for host, pin in ("AF", "AG", "BC"):
         draw([at[host], at[pin]], BODY, "_", linewidth=1.0, linestyle=":")
     size = 4 if named else 2.5
