@@ -6,6 +6,7 @@ from .optimality import (
     Optimum,
     OptimumResult,
     explain_conflict,
+    explain_shortfall,
     find_active_set,
 )
 from .problem import (
@@ -15,6 +16,7 @@ from .problem import (
     Parameters,
     Problem,
     Requirement,
+    make_elastic,
     make_epigraph,
     make_epigraph_starts,
     make_soft_minimum,
@@ -42,7 +44,9 @@ __all__ = [
     "Starts",
     "draw_sobol_starts",
     "explain_conflict",
+    "explain_shortfall",
     "find_active_set",
+    "make_elastic",
     "make_epigraph",
     "make_epigraph_starts",
     "make_soft_minimum",

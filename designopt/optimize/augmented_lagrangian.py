@@ -204,7 +204,7 @@ def _largest(*arrays: Float[Array, "..."]) -> Float[Array, ""]:
 
 
 def lagrangian(flat: Flat, inner: Inner) -> Callable[[Point, Any], Float[Array, ""]]:
-    """What is minimised between the updates, over ρ, of a point and (μ, λ, ρ, data)."""
+    """What is minimised between the updates, over ρ, of a point and (μ, λ, ρ, `Flat.own`)."""
 
     def merit(point: Point, args: Any) -> Float[Array, ""]:
         # Over ρ: a quasi-Newton method that starts with the identity then finds the penalty's
@@ -219,8 +219,8 @@ def _shortfalls(
     flat: Flat, inner: Inner, point: Point, args: Any
 ) -> tuple[Evaluation, Float[Array, " constraints"]]:
     """The terms, and what is squared of the constraints."""
-    mu, lam, penalty, data = args
-    terms, h, g = _evaluated(flat.given(data), inner, point)
+    mu, lam, penalty, given = args
+    terms, h, g = _evaluated(flat.given(given), inner, point)
     return terms, jnp.concatenate([h + mu / penalty, jnp.maximum(0.0, lam / penalty - g)])
 
 
@@ -228,8 +228,6 @@ def _inner(
     flat: Flat, inner: Inner, floor: float | None, tolerance: float, steps: int
 ) -> Callable[[Point, Any], tuple[Point, Int[Array, ""]]]:
     """The inner solve: from a start and (μ, λ, ρ) to a point and its number of steps."""
-    data = flat.problem.data
-
     merit = lagrangian(flat, inner)
 
     @with_jacobian
@@ -250,7 +248,7 @@ def _inner(
     options: Any = {"max_steps": steps, "throw": False}
 
     def solve(point: Point, args: Any) -> tuple[Point, Int[Array, ""]]:
-        given, absolute = (*args, data), tolerance / args[2]
+        given, absolute = (*args, flat.own), tolerance / args[2]
         match inner:
             case "bfgs":
                 bfgs = optx.BFGS(tolerance, absolute)

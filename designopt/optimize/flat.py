@@ -21,6 +21,9 @@ from designopt.optimize.problem import (
 
 Point = Float[Array, " parameters"]
 
+Given = tuple[tuple[Any, ...], tuple[Any, Any]]
+"""What may change without compiling again: a problem's data; least and greatest values, scaled."""
+
 
 @dataclass(frozen=True)
 class Flat:
@@ -31,12 +34,14 @@ class Flat:
         units: mm or rad, or whatever a parameter has, per scaled unit; in the bounds' float type.
         lower: least values, scaled.
         upper: greatest values, scaled.
+        limited: which parameters have a lower bound, and which an upper one.
     """
 
     problem: Problem
     units: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
+    lower: Any
+    upper: Any
+    limited: tuple[np.ndarray, np.ndarray]
 
     @classmethod
     def of(cls, problem: Problem) -> Flat:
@@ -46,12 +51,13 @@ class Flat:
             for part in (problem.lower, problem.upper, problem.units)
         )
         units = units.astype(lower.dtype)
-        return cls(problem, units, lower / units, upper / units)
+        limited = np.flatnonzero(np.isfinite(lower)), np.flatnonzero(np.isfinite(upper))
+        return cls(problem, units, lower / units, upper / units, limited)
 
     @property
-    def limited(self) -> tuple[np.ndarray, np.ndarray]:
-        """Which parameters have a lower bound, and which an upper one."""
-        return np.flatnonzero(np.isfinite(self.lower)), np.flatnonzero(np.isfinite(self.upper))
+    def own(self) -> Given:
+        """Its data and bounds."""
+        return self.problem.data, (self.lower, self.upper)
 
     def point(self, parameters: Parameters) -> Point:
         """The vector of parameters."""
@@ -65,9 +71,10 @@ class Flat:
         _, unravel = ravel_pytree(self.problem.lower)
         return unravel(point * jnp.asarray(self.units, point.dtype))
 
-    def given(self, data: tuple[Any, ...]) -> Flat:
-        """The same for other data of the problem."""
-        return replace(self, problem=replace(self.problem, data=data))
+    def given(self, given: Given) -> Flat:
+        """The same for other data of the problem, and other bounds of the same parameters."""
+        data, (lower, upper) = given
+        return replace(self, problem=replace(self.problem, data=data), lower=lower, upper=upper)
 
     def terms(self, point: Point) -> Evaluation:
         """The problem's evaluation at a vector."""

@@ -19,7 +19,7 @@ from designopt.optimize.augmented_lagrangian import (
     lagrangian,
     updated,
 )
-from designopt.optimize.flat import Flat, Point
+from designopt.optimize.flat import Flat, Given, Point
 from designopt.optimize.problem import Parameters, Problem
 
 FORWARD = {"autodiff_mode": "fwd"}
@@ -102,10 +102,10 @@ class Iteration:
             updates: cap on iterations.
         """
         flat = self._flat
-        data = flat.problem.data if data is None else data
-        progress = self._begin(flat.clipped(flat.point(start)), data)
+        given = (flat.problem.data if data is None else data), (flat.lower, flat.upper)
+        progress = self._begin(flat.clipped(flat.point(start)), given)
         for number in range(1, updates + 1):
-            progress, (point, value, violation) = self._advance(progress, data)
+            progress, (point, value, violation) = self._advance(progress, given)
             converged = bool(progress.done)
             done = converged or number == updates
             parameters = flat.parameters(point)
@@ -131,9 +131,9 @@ def _programs(flat: Flat, tolerance: float, steps: int) -> tuple[Callable[..., A
         search = bfgs(outer).init(with_nothing, outer.point, None, FORWARD, value, None, tags)
         return _Progress(outer, outer.point, search, jnp.zeros((), int), done)
 
-    def stepped(progress: _Progress, data: tuple[Any, ...]) -> _Progress:
+    def stepped(progress: _Progress, given: Given) -> _Progress:
         outer, count = progress.outer, progress.count + 1
-        args = (*outer.multipliers, outer.penalty, data)
+        args = (*outer.multipliers, outer.penalty, given)
         point, search, _ = bfgs(outer).step(
             with_nothing, progress.point, args, FORWARD, progress.search, tags
         )
@@ -142,7 +142,7 @@ def _programs(flat: Flat, tolerance: float, steps: int) -> tuple[Callable[..., A
             return _Progress(outer, point, search, count, search.terminate | lost)
 
         def multiplied() -> _Progress:
-            after = updated(flat.given(data), "bfgs", outer, point, count, tolerance)
+            after = updated(flat.given(given), "bfgs", outer, point, count, tolerance)
             return begun(after, (after.done & search.terminate) | lost)
 
         return jax.lax.cond(
@@ -152,18 +152,18 @@ def _programs(flat: Flat, tolerance: float, steps: int) -> tuple[Callable[..., A
         )
 
     @jax.jit
-    def begin(start: Point, data: tuple[Any, ...]) -> _Progress:
-        return begun(first_state(flat.given(data), "bfgs", start, 1), jnp.zeros((), bool))
+    def begin(start: Point, given: Given) -> _Progress:
+        return begun(first_state(flat.given(given), "bfgs", start, 1), jnp.zeros((), bool))
 
     @jax.jit
-    def advance(progress: _Progress, data: tuple[Any, ...]) -> tuple[_Progress, Any]:
+    def advance(progress: _Progress, given: Given) -> tuple[_Progress, Any]:
         _, progress = jax.lax.while_loop(
             lambda carry: (carry[0] < steps) & ~carry[1].done,
-            lambda carry: (carry[0] + 1, stepped(carry[1], data)),
+            lambda carry: (carry[0] + 1, stepped(carry[1], given)),
             (0, progress),
         )
         point = flat.clipped(progress.point)
-        terms, h, g = flat.given(data).evaluated(point)
+        terms, h, g = flat.given(given).evaluated(point)
         violation = jnp.max(jnp.concatenate([jnp.abs(h), -g]), initial=0.0)
         return progress, (point, terms.value, violation)
 

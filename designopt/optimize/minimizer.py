@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from designopt.optimize.augmented_lagrangian import Inner, Trace, augmented_lagrangian
-from designopt.optimize.flat import Flat
+from designopt.optimize.flat import Flat, Given
 from designopt.optimize.optimality import Optimum, make_optimality_check
 from designopt.optimize.problem import Parameters, Problem
 from designopt.optimize.reference_solvers import Reference, compile_reference
@@ -104,40 +104,41 @@ class Minimizer:
         else:
             caps: Any = {"tolerance": tolerance, "updates": updates, "steps": steps}
 
-            def local(start: Any, data: tuple[Any, ...]) -> tuple[Any, Trace]:
-                given, inner = flat.given(data), cast(Inner, method)
-                return augmented_lagrangian(given, inner, start, floor=floor, **caps)
+            def local(start: Any, given: Given) -> tuple[Any, Trace]:
+                inner = cast(Inner, method)
+                return augmented_lagrangian(flat.given(given), inner, start, floor=floor, **caps)
 
             # Compiled ahead, so that its time is apart from the solves', and the same for all data.
-            program = jax.jit(jax.vmap(local, (0, None))).lower(points, problem.data).compile()
+            program = jax.jit(jax.vmap(local, (0, None))).lower(points, flat.own).compile()
             self._solve = partial(_together, program)
         self.compile_seconds = time.perf_counter() - begin
 
-    def solve(self, starts: Parameters, data: tuple[Any, ...] | None = None) -> Optima:
+    def solve(self, starts: Parameters, problem: Problem | None = None) -> Optima:
         """Solve from every start.
 
         Args:
             starts: parameters with the starts along every array's first axis.
-            data: the problem's data, or others of the same shapes; its own by default.
+            problem: one that differs from what was compiled in its data, of the same shapes, and in
+                finite bounds alone; that itself by default.
         """
-        data = self.flat.problem.data if data is None else data
+        given = (self.flat if problem is None else Flat.of(problem)).own
         points = jax.vmap(self.flat.point)(starts)
         begin = time.perf_counter()
-        found, traces = self._solve(points, data)
+        found, traces = self._solve(points, given)
         seconds = time.perf_counter() - begin
         judged = zip(found, traces, strict=True)
-        optima = (self._check(point, data, trace) for point, trace in judged)
+        optima = (self._check(point, given, trace) for point, trace in judged)
         return Optima(tuple(optima), seconds, self.compile_seconds)
 
 
-def _one_by_one(one: Any, starts: Any, data: tuple[Any, ...]) -> tuple[list[Any], list[Trace]]:
-    solved = [one(np.asarray(start), data) for start in starts]
+def _one_by_one(one: Any, starts: Any, given: Given) -> tuple[list[Any], list[Trace]]:
+    solved = [one(np.asarray(start), given) for start in starts]
     points = [jnp.asarray(point, starts.dtype) for point, _ in solved]
     return points, [trace for _, trace in solved]
 
 
-def _together(program: Any, starts: Any, data: tuple[Any, ...]) -> tuple[Any, list[Trace]]:
-    found, traces = jax.block_until_ready(program(starts, data))
+def _together(program: Any, starts: Any, given: Given) -> tuple[Any, list[Trace]]:
+    found, traces = jax.block_until_ready(program(starts, given))
     return found, [jax.tree.map(lambda leaf, i=i: leaf[i], traces) for i in range(len(found))]
 
 

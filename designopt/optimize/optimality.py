@@ -25,7 +25,7 @@ from jaxtyping import Float
 from scipy.optimize import nnls
 
 from designopt.optimize.augmented_lagrangian import Trace
-from designopt.optimize.flat import Flat, Point
+from designopt.optimize.flat import Flat, Given, Point
 from designopt.optimize.problem import BOUND, Parameters, Problem, describe_by_index
 from designopt.solution import Solution
 
@@ -100,18 +100,20 @@ class Optimum:
         return math.isfinite(self.objective) and self.violation <= FEASIBLE
 
 
-def make_optimality_check(flat: Flat) -> Callable[[Point, tuple[Any, ...], Trace], Optimum]:
-    """A function that judges points of a problem, given its data; it compiles once.
+def make_optimality_check(flat: Flat) -> Callable[[Point, Given, Trace], Optimum]:
+    """A function that judges points of a problem, given its data and bounds; it compiles once.
 
     Args:
         flat: the problem.
     """
 
     @jax.jit
-    def values_and_slopes(point: Point, data: tuple[Any, ...]) -> tuple[Any, Any]:
+    def values_and_slopes(point: Point, given: Given) -> tuple[Any, Any]:
+        now = flat.given(given)
+
         def parts(point: Point) -> Any:
-            terms, h, g = flat.given(data).evaluated(point)
-            value = (terms.value, h, jnp.concatenate([g, flat.bounds(point)]))
+            terms, h, g = now.evaluated(point)
+            value = (terms.value, h, jnp.concatenate([g, now.bounds(point)]))
             return value, value
 
         slopes, values = jax.jacfwd(parts, has_aux=True)(point)
@@ -122,8 +124,8 @@ def make_optimality_check(flat: Flat) -> Callable[[Point, tuple[Any, ...], Trace
     inequalities = {name: part.shape for name, part in sorted(shapes.inequalities.items())}
     inequalities[BOUND] = (sum(len(part) for part in flat.limited),)
 
-    def check(point: Point, data: tuple[Any, ...], history: Trace) -> Optimum:
-        (value, h, g), slopes = jax.tree.map(np.asarray, values_and_slopes(point, data))
+    def check(point: Point, given: Given, history: Trace) -> Optimum:
+        (value, h, g), slopes = jax.tree.map(np.asarray, values_and_slopes(point, given))
         if not all(np.all(np.isfinite(part)) for part in (value, h, g, *slopes)):
             place = jnp.where(jnp.isfinite(point), point, 0.0)
             solution = _solution(flat, place, -1.0, 1.0, OptimumResult.no_number)
@@ -295,6 +297,35 @@ def explain_conflict(problem: Problem, optimum: Optimum) -> list[str]:
         words, unit, scale = _described(problem, name, optimum.worst[name])
         lines.append(f"{words} by {optimum.violations[name] * scale:.3g} {unit}".rstrip())
     return lines
+
+
+def explain_shortfall(problem: Problem, optimum: Optimum) -> list[str]:
+    """The requirements that conflict, with what each of them is short of, the dearest first.
+
+    Args:
+        problem: the form of `make_elastic`.
+        optimum: of it.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> from designopt.optimize import Evaluation, make_elastic, minimize
+        >>> problem = Problem(
+        ...     lambda x: Evaluation(objective=x, inequalities={"high": x - 2, "low": 1 - x}),
+        ...     jnp.zeros(()),
+        ...     jnp.full((), 4.0),
+        ... )
+        >>> form = make_elastic(problem)
+        >>> start = jax.tree.map(lambda leaf: leaf[None], EpigraphVariables(jnp.ones(()), 1.0))
+        >>> sorted(explain_shortfall(form, minimize(form, start, "slsqp").best))
+        ['high by 0.5', 'low by 0.5']
+    """
+    short = float(optimum.parameters.level)
+    lines = []
+    for one in find_active_set(problem, optimum):
+        if one.name != BOUND:
+            scale = _described(problem, one.name, one.index)[2]
+            lines.append(f"{one.words} by {short * scale:.3g} {one.unit}".rstrip())
+    return list(dict.fromkeys(lines))
 
 
 def _described(problem: Problem, name: str, place: tuple[int, ...]) -> tuple[str, str, float]:

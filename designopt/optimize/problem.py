@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -124,6 +125,10 @@ class EpigraphVariables(eqx.Module):
     level: Float[Array, "*starts"]
 
 
+def _with_level(design: Parameters, level: float) -> EpigraphVariables:
+    return EpigraphVariables(design, jnp.asarray(level, jax.tree.leaves(design)[0].dtype))
+
+
 def make_epigraph(problem: Problem, *, scale: float = 1.0) -> Problem:
     """The exact form of max–min: maximise a level t subject to every value being at least t.
 
@@ -159,16 +164,12 @@ def make_epigraph(problem: Problem, *, scale: float = 1.0) -> Problem:
             inequalities=found.inequalities | above,
         )
 
-    def variables(design: Parameters, level: float) -> EpigraphVariables:
-        dtype = jax.tree.leaves(design)[0].dtype
-        return EpigraphVariables(design, jnp.asarray(level, dtype))
-
     return replace(
         problem,
         terms=terms,
-        lower=variables(problem.lower, -jnp.inf),
-        upper=variables(problem.upper, jnp.inf),
-        scale=variables(problem.units, scale),
+        lower=_with_level(problem.lower, -jnp.inf),
+        upper=_with_level(problem.upper, jnp.inf),
+        scale=_with_level(problem.units, scale),
     )
 
 
@@ -192,8 +193,54 @@ def make_epigraph_starts(problem: Problem, starts: Parameters) -> EpigraphVariab
         ... ]
         [0.25, 0.5]
     """
-    level = jax.vmap(lambda design: -problem.terms(design, *problem.data).value)
-    return EpigraphVariables(starts, jax.jit(level)(starts))
+    return EpigraphVariables(starts, _levels(problem.terms, starts, problem.data))
+
+
+@partial(jax.jit, static_argnums=0)
+def _levels(
+    evaluate: Callable[..., Evaluation], starts: Parameters, data: tuple[Any, ...]
+) -> Float[Array, " starts"]:
+    return jax.vmap(lambda design: -evaluate(design, *data).value)(starts)
+
+
+def make_elastic(problem: Problem) -> Problem:
+    """The problem of what is missing: the least s with which every inequality + s is not negative.
+
+    Where the requirements cannot all be met, those that hold s from falling are the ones that
+    conflict (elastic constraints: J. Nocedal, S. J. Wright, *Numerical Optimization*, 2nd ed.,
+    §18.3).
+
+    Args:
+        problem: its objective does not matter; equalities stay as they are.
+
+    Returns:
+        A problem in `EpigraphVariables` whose level is s.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> problem = Problem(
+        ...     lambda x: Evaluation(objective=x, inequalities={"high": x - 2, "low": 1 - x}),
+        ...     jnp.zeros(()),
+        ...     jnp.full((), 4.0),
+        ... )
+        >>> form = make_elastic(problem)
+        >>> found = form.terms(EpigraphVariables(jnp.array(1.5), jnp.array(0.5)))
+        >>> {name: float(values) for name, values in found.inequalities.items()}
+        {'high': 0.0, 'low': 0.0}
+    """
+
+    def terms(parameters: EpigraphVariables, *data: Any) -> Evaluation:
+        found = problem.terms(parameters.design, *data)
+        met = {name: values + parameters.level for name, values in found.inequalities.items()}
+        return Evaluation(parameters.level, equalities=found.equalities, inequalities=met)
+
+    return replace(
+        problem,
+        terms=terms,
+        lower=_with_level(problem.lower, 0.0),
+        upper=_with_level(problem.upper, jnp.inf),
+        scale=_with_level(problem.units, 1.0),
+    )
 
 
 def make_soft_minimum(problem: Problem, temperature: float) -> Problem:

@@ -16,7 +16,7 @@ import scipy.optimize
 from jaxtyping import Float
 
 from designopt.optimize.augmented_lagrangian import Trace
-from designopt.optimize.flat import Flat
+from designopt.optimize.flat import Flat, Given
 from designopt.optimize.problem import Parameters, Problem
 
 Reference = Literal["slsqp", "trust-constr"]
@@ -24,8 +24,8 @@ Reference = Literal["slsqp", "trust-constr"]
 
 def compile_reference(
     flat: Flat, method: Reference, tolerance: float, steps: int
-) -> Callable[[np.ndarray, tuple[Any, ...]], tuple[np.ndarray, Trace]]:
-    """A local solve by SciPy: from a start and data to a point and its history, start included.
+) -> Callable[[np.ndarray, Given], tuple[np.ndarray, Trace]]:
+    """A local solve by SciPy: from a start, data and bounds to a point and its history.
 
     Args:
         flat: the problem.
@@ -37,14 +37,14 @@ def compile_reference(
     _, h, g = jax.eval_shape(flat.evaluated, sample)
     equalities, inequalities = h.size, g.size
 
-    data = flat.problem.data
+    now = flat.own
 
     def compiled(function: Callable[[Any, Any], Any]) -> Callable[[np.ndarray], Any]:
-        program = jax.jit(function).lower(sample, data).compile()
+        program = jax.jit(function).lower(sample, now).compile()
 
         def evaluate(x: np.ndarray) -> Any:
             # With the data of the solve that is running.
-            found = program(jnp.asarray(x, sample.dtype), data)
+            found = program(jnp.asarray(x, sample.dtype), now)
             return jax.tree.map(lambda part: np.asarray(part, np.float64), found)
 
         return evaluate
@@ -77,10 +77,10 @@ def compile_reference(
         least = {"xtol": tolerance, "barrier_tol": tolerance, "gtol": 1e-4 * tolerance}
         options = {"maxiter": steps, **least}
 
-    def solve(start: np.ndarray, given: tuple[Any, ...]) -> tuple[np.ndarray, Trace]:
-        nonlocal data
-        data = given
-        visited = [np.clip(start.astype(np.float64), flat.lower, flat.upper)]
+    def solve(start: np.ndarray, given: Given) -> tuple[np.ndarray, Trace]:
+        nonlocal now
+        now = given
+        visited = [np.clip(start.astype(np.float64), *now[1])]
         known = (value_and_slope(visited[0]), levels(visited[0]), slopes(visited[0]))
         if all(np.all(np.isfinite(part)) for part in jax.tree.leaves(known)):
             visited += searched(visited[0])
@@ -101,12 +101,12 @@ def compile_reference(
                     start,
                     method=method,
                     jac=True,
-                    bounds=_box(flat),
+                    bounds=_box(*now[1]),
                     constraints=constraints,
                     callback=lambda x, *_: visited.append(np.copy(x)),
                     options=options,
                 )
-                visited.append(np.clip(found.x, flat.lower, flat.upper))
+                visited.append(np.clip(found.x, *now[1]))
         return visited
 
     return solve
@@ -221,7 +221,7 @@ def run_differential_evolution(
         warnings.simplefilter("ignore")  # that it was stopped, and how it changes its members
         found = scipy.optimize.differential_evolution(
             lambda x: evaluate(x)[0],
-            _box(flat),
+            _box(flat.lower, flat.upper),
             constraints=constraints,
             popsize=population,
             maxiter=10**9,
@@ -240,9 +240,8 @@ def run_differential_evolution(
     )
 
 
-def _box(flat: Flat) -> scipy.optimize.Bounds:
-    lower: Any = flat.lower  # annotated as numbers by SciPy, which takes arrays
-    upper: Any = flat.upper
+def _box(lower: Any, upper: Any) -> scipy.optimize.Bounds:
+    # Annotated as numbers by SciPy, which takes arrays.
     return scipy.optimize.Bounds(lower, upper)
 
 

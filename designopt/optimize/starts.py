@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +17,7 @@ from scipy.stats import qmc
 
 from designopt.batching import map_in_chunks
 from designopt.optimize.augmented_lagrangian import FIRST_PENALTY
-from designopt.optimize.problem import Parameters, Problem
+from designopt.optimize.problem import Evaluation, Parameters, Problem
 
 BLOCK = 256
 """Points looked at in one go, so that what lies between stays in the cache."""
@@ -93,20 +96,27 @@ def select_starts(
         0.3
     """
     points = draw_sobol_starts(problem, max(among, count), seed)
+    begin = time.perf_counter()
+    program = _best.lower(points, problem.data, problem.terms, count, scale).compile()
+    compiled = time.perf_counter()
+    starts = jax.block_until_ready(program(points, problem.data))
+    return Starts(starts, time.perf_counter() - compiled, compiled - begin)
 
+
+@partial(jax.jit, static_argnums=(2, 3, 4))
+def _best(
+    points: Parameters,
+    data: tuple[Any, ...],
+    evaluate: Callable[..., Evaluation],
+    count: int,
+    scale: float,
+) -> Parameters:
     def merit(parameters: Parameters) -> Float[Array, ""]:
-        terms = problem.terms(parameters, *problem.data)
+        terms = evaluate(parameters, *data)
         short = (jnp.minimum(part, 0.0) for part in terms.inequalities.values())
         unmet = sum((jnp.sum(part**2) for part in (*short, *terms.equalities.values())), 0.0)
         value = terms.value / scale + FIRST_PENALTY / 2 * unmet
         return jnp.where(jnp.isfinite(value), value, jnp.inf)
 
-    def best(points: Parameters) -> Parameters:
-        chosen = jnp.argsort(map_in_chunks(jax.vmap(merit), points, BLOCK))[:count]
-        return jax.tree.map(lambda leaf: leaf[chosen], points)
-
-    begin = time.perf_counter()
-    program = jax.jit(best).lower(points).compile()
-    compiled = time.perf_counter()
-    starts = jax.block_until_ready(program(points))
-    return Starts(starts, time.perf_counter() - compiled, compiled - begin)
+    chosen = jnp.argsort(map_in_chunks(jax.vmap(merit), points, BLOCK))[:count]
+    return jax.tree.map(lambda leaf: leaf[chosen], points)

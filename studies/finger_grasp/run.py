@@ -205,7 +205,7 @@ def add_figures(out: Report, found: Analysis, shown: dict[str, Records]) -> None
     places = least_place(ratio, found.angles[None, :], middle)
     maps = {"φ₂/φ₁": ratio, "least k₂ with f₁ > 0 (mm)": places}
     low, high = float(body.axis_height), float(body.distal - body.rim)
-    drawing = draw_over_postures(np.degrees(found.angles), maps)
+    drawing = draw_over_postures((np.degrees(found.angles),) * 2, maps)
     out.figure("stability_map", drawing, low=low, high=high)
     columns = ("pip_deg", "dip_deg", "f1_n", "f2_n")
     circles = lines(shown["circles"], "diameter_mm", columns, names=NAMES, height=5.6)

@@ -24,7 +24,7 @@ from studies.models.linkage_design.analysis import LinkageDesign, design_linkage
 from studies.models.linkage_design.figures import add_figures
 from studies.models.linkage_design.judging import everywhere
 from studies.models.linkage_design.postures import find_postures
-from studies.models.linkage_design.problem import grid
+from studies.models.linkage_design.problem import grids
 from studies.models.linkage_design.searching import search
 from studies.models.linkage_design.spec import FingerLinkageSpec
 from studies.models.linkage_design.tables import add_tables
@@ -128,7 +128,7 @@ def add_findings(out: Report, spec: FingerLinkageSpec, found: LinkageDesign) -> 
         same = sum(level >= best - SAME_DEG for level in reached)
         out.say("starts", low=min(reached), high=best, same=same)
     out.say("tolerance", above=np.mean(found.drawn > required), count=len(found.drawn))
-    pip, dip = (np.unique(part.x).size for part in found.search.rounds[-1].problem.data)
+    pip, dip = (np.unique(part.x).size for part in found.search.rounds[-1].problem.data[1:])
     out.say("postures", pip=pip, dip=dip, postures=found.verdict.crank_deg.size)
     if spec.precision:
         out.say("time")
@@ -137,10 +137,10 @@ def add_findings(out: Report, spec: FingerLinkageSpec, found: LinkageDesign) -> 
 def add_operations(out: Report, spec: FingerLinkageSpec, found: LinkageDesign) -> None:
     """Operations of the search's problem beside the general solver's, and beside all it asks."""
     last, finger = found.search.rounds[-1].problem, found.finger
-    flexion = jnp.asarray(grid(finger.body, spec.search.step_deg))
-    square = jnp.stack(jnp.meshgrid(flexion, flexion, indexing="ij"), axis=-1)
+    pip, dip = grids(finger.body, spec.search.step_deg)
+    square = jnp.stack(jnp.meshgrid(pip, dip, indexing="ij"), axis=-1)
     angles = count_operations(
-        lambda pins: find_postures(replace(finger, pins=pins), flexion, flexion).angles, finger.pins
+        lambda pins: find_postures(replace(finger, pins=pins), pip, dip).angles, finger.pins
     )
     out.operations("angles", angles, count_operations(everywhere, finger.linkage(), -square))
     least = count_operations(lambda pins: last.terms(pins, *last.data).value, finger.pins)

@@ -18,7 +18,7 @@ from designopt.optimize import (
 from designopt.study.plots import lines
 from designopt.study.records import Records
 from designopt.study.report import Report
-from studies.models.linkage_design.searching import Search, least_angles_deg, minimizer
+from studies.models.linkage_design.searching import Search, exact, least_angles_deg, minimizer
 from studies.models.linkage_design.spec import FingerLinkageSpec
 from studies.models.single_runs import single_runs
 
@@ -75,7 +75,7 @@ def compare(spec: FingerLinkageSpec, found: Search, seed: int) -> tuple[Records,
         for count in counts:
             if count <= spec.search.starts and (method, count) != ("bfgs", spec.search.starts):
                 own = jax.tree.map(lambda leaf, n=count: leaf[:n], every)
-                add(method, count, minimizer(problem, count, method).solve(own))
+                add(method, count, minimizer(problem, count, method).solve(own, exact(problem)))
     evolution = run_differential_evolution(problem, seconds=spec.evolution_seconds, seed=seed)
     ends = spec.evolution_seconds * np.array(SHARES)
     least = np.array([evolution_at(evolution, end) for end in [*ends[:-1], np.inf]])

@@ -108,7 +108,7 @@ class Redesigner:
         starts: Any = self._starts
         for temperature in TEMPERATURES:
             task = Task(self._finger, scene, self._poses, jnp.asarray(temperature))
-            optima = self._solver(task).solve(starts, (task,))
+            optima = self._solver(task).solve(starts, self._problem(task))
             ends = [one.parameters for one in optima.found]
             starts = jax.tree.map(lambda *leaves: jnp.stack(leaves), *ends)
         both = [jax.tree.map(itemgetter(i), starts) for i in range(STARTS)]
@@ -119,7 +119,9 @@ class Redesigner:
     def _solver(self, task: Task) -> Minimizer:
         layout = task.scene.layout
         if layout not in self._solvers:
-            problem = Problem(terms, *self._limits, scale(self._finger), data=(task,))
             caps: Any = {"tolerance": 1e-6, "updates": UPDATES, "steps": STEPS}
-            self._solvers[layout] = Minimizer(problem, STARTS, **caps)
+            self._solvers[layout] = Minimizer(self._problem(task), STARTS, **caps)
         return self._solvers[layout]
+
+    def _problem(self, task: Task) -> Problem:
+        return Problem(terms, *self._limits, scale(self._finger), data=(task,))

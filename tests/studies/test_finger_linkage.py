@@ -26,7 +26,7 @@ from studies.models.linkage_design.clearances import HOSTS
 from studies.models.linkage_design.figures import draw_sequences
 from studies.models.linkage_design.judging import judged
 from studies.models.linkage_design.postures import find_postures
-from studies.models.linkage_design.problem import SYMBOLS, grid, inequalities, linkage_problem
+from studies.models.linkage_design.problem import SYMBOLS, grids, inequalities, linkage_problem
 from studies.models.linkage_design.searching import least_angles_deg, over, rounded, search
 from studies.models.linkage_design.spec import (
     FingerLinkageSpec,
@@ -44,7 +44,7 @@ from tests.studies.stopped import stopped_at
 
 REFERENCE, LIMITS, MOTOR = finger_of(), LimitsSpec(crank_range_deg=150.0), MotorSpec()
 BODY = REFERENCE.body
-COARSE = grid(BODY, 15.0)
+COARSE = grids(BODY, 15.0)[0]
 OTHER = Pins(
     F=np.array([-7.77, -1.98]),
     E=np.array([-4.72, 18.98]),
@@ -232,14 +232,13 @@ def test_judgement_finds_what_is_not_met():
 
 
 def test_inequalities_and_judgement_agree():
-    other, flexion = finger_of(OTHER), jnp.asarray(grid(BODY, 1.0))
+    other, flexion = finger_of(OTHER), jnp.asarray(grids(BODY, 1.0)[0])
     found = inequalities(other, postures(OTHER, flexion, flexion), LIMITS)
     worst = {name: float(jnp.min(values)) for name, values in found.items()}
     problem = linkage_problem(other, LIMITS, COARSE, COARSE, motor=MOTOR)
     assert set(worst) <= set(problem.requirements)
     checks = {check.name: check for check in judged(other, LIMITS, MOTOR).checks}
-    degrees = grid(BODY, 1.0)
-    fine = linkage_problem(other, LIMITS, degrees, degrees, motor=MOTOR)
+    fine = linkage_problem(other, LIMITS, *grids(BODY, 1.0), motor=MOTOR)
     between = jax.jit(fine.terms)(OTHER, *fine.data).inequalities
     for name in ("crank from the PIP axle", "rod from the bar", "plate from the DIP axle"):
         slack = 5 * float(jnp.min(between[name]))

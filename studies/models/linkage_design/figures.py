@@ -37,9 +37,10 @@ def draw_sequences(finger: Finger) -> Figure:
     """Pinch and adaptive closing, as paper B's Fig. 3.4."""
     drawing, axes = new_figure(2, 4, height=4.2)
     for row, name, dip in zip(axes, ("Pinch", "Adaptive"), (0.0, 1.0), strict=True):
-        for axis, pip_deg in zip(row, np.linspace(0.0, finger.body.range_deg, 4), strict=True):
-            draw_finger(axis, finger, np.deg2rad([pip_deg, dip * pip_deg]))
-            title = f"{name}:\nPIP {pip_deg:.0f}°, DIP {dip * pip_deg:.0f}°"
+        for axis, part in zip(row, np.linspace(0.0, 1.0, 4), strict=True):
+            degrees = part * np.array(finger.body.ranges_deg) * (1.0, dip)
+            draw_finger(axis, finger, np.deg2rad(degrees))
+            title = f"{name}:\nPIP {degrees[0]:.0f}°, DIP {degrees[1]:.0f}°"
             axis.set_title(title, fontsize=8)
             axis.tick_params(labelsize=7)
         row[0].set_ylabel("y (mm)")
@@ -55,9 +56,10 @@ def draw_maps(verdict: Verdict) -> Figure:
     levels = np.arange(5 * np.floor(verdict.least_deg / 5), 91, 5)
     for axis, (name, values) in zip(axes.flat, verdict.angles_deg.items(), strict=True):
         full = np.broadcast_to(values, verdict.crank_deg.shape)
-        _contours(axis, verdict.flexion_deg, full, levels)
+        degrees = verdict.pip_deg, verdict.dip_deg
+        _contours(axis, degrees, full, levels)
         worst = np.unravel_index(np.argmin(full), full.shape)
-        place = [verdict.flexion_deg[i] for i in worst]
+        place = [angles[i] for angles, i in zip(degrees, worst, strict=True)]
         axis.plot(*place, "X", color=PALETTE[1], markersize=9, clip_on=False, zorder=5)
         axis.set_title(as_mathtext(f"{name}: least {full.min():.1f}°"), fontsize=9)
     for axis in axes[1]:
@@ -70,12 +72,13 @@ def draw_maps(verdict: Verdict) -> Figure:
 
 
 def draw_over_postures(
-    degrees: Float[np.ndarray, " angles"], shown: Mapping[str, Float[np.ndarray, "angles angles"]]
+    degrees: tuple[Float[np.ndarray, " pip"], Float[np.ndarray, " dip"]],
+    shown: Mapping[str, Float[np.ndarray, "pip dip"]],
 ) -> Figure:
     """Numbers over all postures, side by side.
 
     Args:
-        degrees: flexion of each joint.
+        degrees: flexion of PIP and of DIP.
         shown: by what they are, with the unit, over PIP and DIP.
     """
     drawing, [row] = new_figure(1, len(shown), height=3.4)
@@ -88,13 +91,13 @@ def draw_over_postures(
 
 def _contours(
     axis: Axes,
-    degrees: Float[np.ndarray, " angles"],
-    values: Float[np.ndarray, "angles angles"],
+    degrees: tuple[Float[np.ndarray, " pip"], Float[np.ndarray, " dip"]],
+    values: Float[np.ndarray, "pip dip"],
     levels: Any,
 ) -> QuadContourSet:
-    mesh = axis.contourf(degrees, degrees, values.T, levels=levels, cmap="cividis")
-    ticks = angle_ticks(degrees[-1])
-    axis.set(aspect="equal", xticks=ticks, yticks=ticks)
+    mesh = axis.contourf(*degrees, values.T, levels=levels, cmap="cividis")
+    pip, dip = (angle_ticks(angles[-1]) for angles in degrees)
+    axis.set(aspect="equal", xticks=pip, yticks=dip)
     axis.grid(visible=False)
     return mesh
 
@@ -118,7 +121,7 @@ def add_figures(out: Report, limits: LimitsSpec, design: LinkageDesign) -> None:
     out.figure("sequences", draw_sequences(design.finger), most=5)
     out.figure("transmission", draw_maps(verdict))
     ratios = {"turn of the crank (°)": verdict.crank_deg, "φ₂/φ₁": verdict.ratio}
-    out.figure("ratios", draw_over_postures(verdict.flexion_deg, ratios))
+    out.figure("ratios", draw_over_postures((verdict.pip_deg, verdict.dip_deg), ratios))
     nominal, required = verdict.least_deg, limits.transmission_deg
     marks = {f"without errors {nominal:.1f}°": nominal, f"required {required:g}°": required}
     least = Records({"least_transmission_angle_deg": design.drawn})

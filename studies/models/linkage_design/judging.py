@@ -29,7 +29,7 @@ from studies.models.linkage_design.problem import (
     SYMBOLS,
     TIP,
     from_faces,
-    grid,
+    grids,
     pairs_on_links,
     pin_places,
 )
@@ -80,14 +80,16 @@ class Verdict:
     """A design over the square of postures; squares have PIP along their first axis.
 
     Attributes:
-        flexion_deg: angles of either joint, degrees.
+        pip_deg: angles of PIP, degrees.
+        dip_deg: angles of DIP, degrees.
         angles_deg: transmission angles by name, degrees, squares.
         crank_deg: turn of the crank from straight in the closing direction, degrees, a square.
         ratio: φ₂/φ₁ by differences of that, a square.
         checks: every requirement but that on the transmission angle.
     """
 
-    flexion_deg: Float[np.ndarray, " angles"]
+    pip_deg: Float[np.ndarray, " pip"]
+    dip_deg: Float[np.ndarray, " dip"]
     angles_deg: dict[str, Float[np.ndarray, "pip dip"]]
     crank_deg: Float[np.ndarray, "pip dip"]
     ratio: Float[np.ndarray, "pip dip"]
@@ -117,9 +119,9 @@ def judged(finger: Finger, limits: LimitsSpec, motor: MotorSpec) -> Verdict:
         limits: what every posture must leave.
         motor: what turns the crank.
     """
-    flexion = grid(finger.body, STEP_DEG)
+    pip, dip = grids(finger.body, STEP_DEG)
     linkage = finger.linkage()
-    square = np.stack(np.meshgrid(flexion, flexion, indexing="ij"), axis=-1)
+    square = np.stack(np.meshgrid(pip, dip, indexing="ij"), axis=-1)
 
     poses, angles = everywhere(linkage, -jnp.asarray(square))
     pose = poses.value
@@ -129,8 +131,8 @@ def judged(finger: Finger, limits: LimitsSpec, motor: MotorSpec) -> Verdict:
     crank = np.unwrap(np.unwrap(crank, axis=1), axis=0)
     crank, plate = crank[0, 0] - crank, np.unwrap(plate[0] - distal[0])
     crank_range = float(np.rad2deg(np.ptp(crank)))
-    by_pip, by_dip = np.diff(crank, axis=0), np.diff(crank, axis=1)
-    step = flexion[1] - flexion[0]
+    by_pip = np.diff(crank, axis=0) / np.diff(pip)[:, None]
+    by_dip, by_plate = np.diff(crank, axis=1) / np.diff(dip), np.diff(plate) / np.diff(dip)
     rates = np.asarray(crank_rates(linkage, -jnp.asarray(square)))
     ratio = rates[..., 1] / rates[..., 0]
     at, pairs = pin_places(finger), pairs_on_links(pins_of(finger).names)
@@ -138,9 +140,9 @@ def judged(finger: Finger, limits: LimitsSpec, motor: MotorSpec) -> Verdict:
     checks = [
         Check("postures that assemble", square[..., 0].size, int(jnp.sum(poses.ok)), ""),
         Check("dyads from lock-up", limits.assembly, float(jnp.min(poses.margin))),
-        Check("crank closing with PIP", limits.turn, float(np.min(by_pip) / step), ""),
-        Check("crank closing with DIP", limits.turn, float(np.min(by_dip) / step), ""),
-        Check("plate turning with DIP", limits.turn, float(np.min(np.diff(plate)) / step), ""),
+        Check("crank closing with PIP", limits.turn, float(np.min(by_pip)), ""),
+        Check("crank closing with DIP", limits.turn, float(np.min(by_dip)), ""),
+        Check("plate turning with DIP", limits.turn, float(np.min(by_plate)), ""),
         Check("range of the crank", limits.crank_range_deg, crank_range, "°", False),
         *(
             Check(f"pins {pin_name(a)} and {pin_name(b)} apart", limits.spacing, apart[a, b])
@@ -150,7 +152,7 @@ def judged(finger: Finger, limits: LimitsSpec, motor: MotorSpec) -> Verdict:
         Check("|EF|", limits.crank_length, apart["F", "E"], at_least=False),
         *_inside(finger, pose, limits),
         *_clear(finger, pose, limits),
-        *_strong(finger, limits, motor, jnp.asarray(flexion)),
+        *_strong(finger, limits, motor, jnp.asarray(pip)),
         Check("time to close", limits.closing_s, crank_range / motor.speed_deg, "s", False),
     ]
     if finger.motor is not None:
@@ -159,7 +161,8 @@ def judged(finger: Finger, limits: LimitsSpec, motor: MotorSpec) -> Verdict:
     if limits.force_ratio is not None:
         checks.append(Check("φ₂/φ₁", limits.force_ratio, float(np.max(ratio)), "", False))
     degrees = {SYMBOLS[name]: np.rad2deg(np.asarray(values)) for name, values in angles.items()}
-    return Verdict(np.rad2deg(flexion), degrees, np.rad2deg(crank), ratio, tuple(checks))
+    angles_deg = np.rad2deg(pip), np.rad2deg(dip)
+    return Verdict(*angles_deg, degrees, np.rad2deg(crank), ratio, tuple(checks))
 
 
 @jax.jit

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import combinations
+from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from designopt.io.spec import Spec
 from designopt.optimize import Evaluation, Problem, Requirement
 from designopt.vectors import Vector, rotation, vector
 from studies.models.finger import Body, Finger, links_of, pins_of, spring_of
@@ -22,7 +25,7 @@ from studies.models.linkage_design.clearances import (
     faces_of,
     name_of,
 )
-from studies.models.linkage_design.postures import Postures, find_postures, postures_at
+from studies.models.linkage_design.postures import Postures, postures_at
 from studies.models.linkage_design.spec import LimitsSpec, MotorSpec
 from studies.models.links import OUTLINES, WALLS
 from studies.models.pins import Pins, pin_name
@@ -85,14 +88,26 @@ def pin_places(finger: Finger) -> dict[str, Float[np.ndarray, "2"]]:
     return places
 
 
-def grid(body: Body, step_deg: float) -> Float[np.ndarray, " angles"]:
-    """Flexion angles from straight to the end of the range, both included, rad."""
-    range_deg = body.range_deg
-    count = int(np.ceil(range_deg / step_deg - 1e-9)) + 1
-    return np.deg2rad(np.linspace(0.0, range_deg, count))
+Angles = Float[np.ndarray, " angles"]
+"""Flexion of one joint, rad."""
 
 
-def with_motor_pin(finger: Finger, arm: float) -> Finger:
+def grids(body: Body, step_deg: float) -> tuple[Angles, Angles]:
+    """Flexion of PIP and of DIP from straight to the end of its range, both included, rad."""
+    pip, dip = (
+        np.deg2rad(np.linspace(0.0, end, int(np.ceil(end / step_deg - 1e-9)) + 1))
+        for end in body.ranges_deg
+    )
+    return pip, dip
+
+
+def ends_of(body: Body) -> tuple[Vector, Vector]:
+    """Turns of the intermediate and the distal phalanx at the ends of both joints' ranges."""
+    pip, dip = (rotation(-jnp.reshape(end, (1,))) for end in body.flexions)
+    return pip, dip
+
+
+def with_motor_pin(finger: Finger, arm: float, ends: tuple[Vector, Vector]) -> Finger:
     """The finger with the crank's pin K where the motor's parallelogram transmits best.
 
     F-K is then at right angles to M-F in the middle of the crank's range, so that its transmission
@@ -101,22 +116,54 @@ def with_motor_pin(finger: Finger, arm: float) -> Finger:
     Args:
         finger: with pins and a motor; where it has K, that is replaced.
         arm: |FK|, mm.
+        ends: `ends_of` its body.
     """
     assert finger.motor is not None
     pins = pins_of(finger)
     bare = replace(finger, motor=None, pins=replace(pins, K=None))
-    ends = (jnp.reshape(end, (1,)) for end in finger.body.flexions)
-    crank_range = find_postures(bare, *ends).crank[0, 0]
+    crank_range = postures_at(bare, *ends).crank[0, 0]
     towards = vector(finger.motor.axis(finger.body, pins) - pins.F)
     along = towards.scaled(1 / towards.length()).turned(rotation((crank_range - jnp.pi) / 2))
     return replace(finger, pins=replace(pins, K=pins.F + arm * along.stacked()))
 
 
+class Asked(eqx.Module):
+    """What a linkage is asked for, as data: one compiled program serves all settings.
+
+    Attributes:
+        finger: its body, spring, links and motor; the pins are what is looked for.
+        limits: what every posture must leave.
+        motor: what turns the crank.
+        allowance: kept beyond every length that is required, mm.
+        ends: `ends_of` the body; a compiled program would compute them anew wherever it uses them.
+    """
+
+    finger: Finger
+    limits: LimitsSpec
+    motor: MotorSpec
+    allowance: Float[Array, ""]
+    ends: tuple[Vector, Vector]
+
+
+def _numbers(spec: Spec) -> tuple[list[Any], tuple[type[Spec], tuple[str, ...]]]:
+    fields = dict(spec)
+    return list(fields.values()), (type(spec), tuple(fields))
+
+
+def _spec(kind: tuple[type[Spec], tuple[str, ...]], numbers: Iterable[Any]) -> Spec:
+    # Not validated again: under a transformation the numbers are no floats.
+    return kind[0].model_construct(**dict(zip(kind[1], numbers, strict=True)))
+
+
+for _kind in (LimitsSpec, MotorSpec):
+    jax.tree_util.register_pytree_node(_kind, _numbers, _spec)
+
+
 def linkage_problem(
     finger: Finger,
     limits: LimitsSpec,
-    pip: Float[np.ndarray, " pip"],
-    dip: Float[np.ndarray, " dip"],
+    pip: Angles,
+    dip: Angles,
     allowance: float = 0.0,
     *,
     motor: MotorSpec,
@@ -135,34 +182,46 @@ def linkage_problem(
 
     Returns:
         A problem in `Pins`, with ``least`` in rad by the symbols of the angles, inequalities by
-        the requirements' names, and the turns of the postures as its data.
+        the requirements' names, and `Asked` and the turns of the postures as its data.
     """
+    if meetings is None:
+        meetings = find_meetings(links_of(finger), finger.joined())
+    blank = replace(finger, pins=None, camera=None, mirrors=(), layers=None, assembly=None)
+    ends = ends_of(finger.body)
+    asked = Asked(blank, limits, motor, jnp.asarray(allowance), ends)
+    asked = jax.tree.map(jnp.asarray, asked)
+    lower, upper = _box(finger, limits, allowance)
+    scale = jax.tree.map(lambda leaf: jnp.full_like(leaf, LENGTH), lower)
+    turns = (rotation(-jnp.asarray(angles)) for angles in (pip, dip))
+    requirements = _requirements(finger, np.rad2deg(pip), np.rad2deg(dip))
+    terms = _terms(tuple(meetings))
+    return Problem(terms, lower, upper, scale, requirements, COORDINATES, (asked, *turns))
 
-    def terms(pins: Pins, knuckle: Vector, flexion: Vector) -> Evaluation:
-        moved = replace(finger, pins=pins)
-        if finger.motor is not None:
-            moved = with_motor_pin(moved, motor.arm)
+
+@functools.cache
+def _terms(meetings: tuple[Meeting, ...]) -> Callable[..., Evaluation]:
+    """The problem's terms; the same function for the same parts, so that it compiles once."""
+
+    def terms(pins: Pins, asked: Asked, knuckle: Vector, flexion: Vector) -> Evaluation:
+        limits, motor, allowance = asked.limits, asked.motor, asked.allowance
+        moved = replace(asked.finger, pins=pins)
+        if moved.motor is not None:
+            moved = with_motor_pin(moved, motor.arm, asked.ends)
         postures = postures_at(moved, knuckle, flexion)
         found = inequalities(moved, postures, limits, allowance)
         found |= force_inequalities(moved, postures, limits, motor, allowance)
-        for name, between in clearances_at(moved, postures, knuckle, asked).items():
+        for name, between in clearances_at(moved, postures, knuckle, meetings).items():
             found[name] = (between - limits.clearance - allowance) / LENGTH
         return Evaluation(
             least={SYMBOLS[name]: values for name, values in postures.angles.items()},
             inequalities=found,
         )
 
-    asked = find_meetings(links_of(finger), finger.joined()) if meetings is None else meetings
-
-    lower, upper = _box(finger, limits, allowance)
-    scale = jax.tree.map(lambda leaf: jnp.full_like(leaf, LENGTH), lower)
-    turns = (rotation(-jnp.asarray(angles)) for angles in (pip, dip))
-    requirements = _requirements(finger, np.rad2deg(pip), np.rad2deg(dip))
-    return Problem(terms, lower, upper, scale, requirements, COORDINATES, tuple(turns))
+    return terms
 
 
 def inequalities(
-    finger: Finger, postures: Postures, limits: LimitsSpec, allowance: float = 0.0
+    finger: Finger, postures: Postures, limits: LimitsSpec, allowance: Any = 0.0
 ) -> dict[str, Float[Array, "..."]]:
     """What the limits ask of a design in given postures; negative where it fails, scaled.
 
@@ -200,25 +259,24 @@ def force_inequalities(
     postures: Postures,
     limits: LimitsSpec,
     motor: MotorSpec,
-    allowance: float = 0.0,
+    allowance: Any = 0.0,
 ) -> dict[str, Float[Array, " pip"]]:
     """What a pinch asks of a design, whose first DIP angle is 0; negative where it fails, scaled.
 
     The stop of the DIP joint still presses, λ ≥ 0, and the motor is strong enough; see
     `forces.find_pinch_forces`.
     """
-    body, spring, found = finger.body, spring_of(finger), {}
+    body, spring = finger.body, spring_of(finger)
     first, second = postures.pip_ratio[:, 0], postures.dip_ratio[:, 0]
-    if limits.pinch_force > 0:
-        wound = spring.stiffness * spring.preload * postures.gamma_slope[0]
-        lever = limits.pinch_at * first - second * (limits.pinch_at + body.intermediate)
-        # Near where it gives way the force goes with the inverse of a small difference of ratios.
-        force = limits.pinch_force * (1 + PINCH_ALLOWANCE * allowance / limits.spacing)
-        found[PINCH] = (wound * first + force * lever) / MOMENT
-    if limits.tip_force > 0:
-        reach = body.distal - body.rim + body.intermediate
-        found[TIP] = first * motor.moment / (limits.tip_force * reach) - 1
-    return found
+    wound = spring.stiffness * spring.preload * postures.gamma_slope[0]
+    lever = limits.pinch_at * first - second * (limits.pinch_at + body.intermediate)
+    # Near where it gives way the force goes with the inverse of a small difference of ratios.
+    force = limits.pinch_force * (1 + PINCH_ALLOWANCE * allowance / limits.spacing)
+    reach = body.distal - body.rim + body.intermediate
+    return {
+        PINCH: (wound * first + force * lever) / MOMENT,
+        TIP: first * motor.moment / reach - limits.tip_force,
+    }
 
 
 def from_faces(finger: Finger, limits: LimitsSpec) -> Float[Array, ""]:
@@ -270,7 +328,7 @@ def _requirements(
     amounts = dict.fromkeys(lengths, ("mm", LENGTH)) | dict.fromkeys(ratios, ("", 1.0))
     amounts |= dict.fromkeys(SYMBOLS.values(), ("°", float(np.rad2deg(ANGLE))))
     amounts["range of the crank"] = ("°", float(np.rad2deg(1.0)))
-    amounts |= {PINCH: ("N mm", MOMENT), TIP: ("", 1.0)}
+    amounts |= {PINCH: ("N mm", MOMENT), TIP: ("N", 1.0)}
     pairs = pairs_on_links("FEDCGH" if finger.motor is None else "FEDCGHK")
 
     def at_pip(name: str, index: tuple[int, ...]) -> str:

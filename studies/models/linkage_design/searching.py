@@ -20,13 +20,14 @@ from designopt.optimize import (
     Minimizer,
     Optima,
     Optimum,
-    OptimumResult,
     Problem,
     Starts,
-    explain_conflict,
+    explain_shortfall,
     find_active_set,
+    make_elastic,
     make_epigraph,
     make_epigraph_starts,
+    minimize,
     select_starts,
 )
 from designopt.vectors import rotation
@@ -35,7 +36,14 @@ from studies.models.link_layers import Links, Meeting, find_meetings
 from studies.models.linkage_design.clearances import clearances_at, name_of
 from studies.models.linkage_design.judging import STEP_DEG
 from studies.models.linkage_design.postures import postures_at
-from studies.models.linkage_design.problem import ANGLE, grid, linkage_problem, with_motor_pin
+from studies.models.linkage_design.problem import (
+    ANGLE,
+    Angles,
+    ends_of,
+    grids,
+    linkage_problem,
+    with_motor_pin,
+)
 from studies.models.linkage_design.spec import FingerLinkageSpec
 from studies.models.pins import Pins
 
@@ -81,8 +89,7 @@ def least_angles_deg(problem: Problem, optima: Sequence[Optimum]) -> list[float]
     designs = jax.tree.map(
         lambda *leaves: jnp.stack(leaves), *(one.parameters.design for one in optima)
     )
-    least = jax.jit(jax.vmap(lambda design: -problem.terms(design, *problem.data).value))
-    return np.rad2deg(least(designs)).tolist()
+    return np.rad2deg(make_epigraph_starts(problem, designs).level).tolist()
 
 
 @dataclass(frozen=True)
@@ -93,11 +100,14 @@ class Search:
         finger: the design: its pins are rounded to what can be built.
         starts: where the first round began.
         rounds: the solves; the first from Sobol points, the others from the best before.
+        shortfall: what is missing at least, over the last round's postures, where the requirements
+            were not met; see `make_elastic`.
     """
 
     finger: Finger
     starts: Starts
     rounds: tuple[Round, ...]
+    shortfall: Optimum | None = None
 
     @property
     def best(self) -> Optimum:
@@ -119,16 +129,16 @@ class Search:
         """The requirements that hold the optimum; empty if it is none."""
         if not bool(self.best.solution.ok):
             return []
-        return find_active_set(make_epigraph(self.rounds[-1].problem, scale=ANGLE), self.best)
+        return find_active_set(exact(self.rounds[-1].problem), self.best)
 
     def conflict(self) -> list[str]:
         """The requirements that conflict, with amounts; empty where that is not known."""
-        if self.best.solution.result != OptimumResult.infeasible:
+        if self.shortfall is None or not bool(self.shortfall.solution.ok):
             return []
-        return explain_conflict(make_epigraph(self.rounds[-1].problem, scale=ANGLE), self.best)
+        return explain_shortfall(make_elastic(self.rounds[-1].problem), self.shortfall)
 
 
-def search(spec: FingerLinkageSpec, seed: int) -> Search:
+def search(spec: FingerLinkageSpec, seed: int, near: Sequence[Meeting] | None = None) -> Search:
     """The best linkage for a spec's body.
 
     Few postures decide. The starts are solved on a coarse square; then the postures in between in
@@ -139,18 +149,22 @@ def search(spec: FingerLinkageSpec, seed: int) -> Search:
     Args:
         spec: the study's settings.
         seed: of the Sobol points.
+        near: the parts whose clearance it keeps; those that come near each other at its starts by
+            default.
     """
     how, finger = spec.search, blank_finger(spec)
-    flexion = grid(finger.body, how.step_deg)
-    bare = over(finger, spec, flexion, flexion, ())
-    starts = select_starts(bare, how.starts, seed, among=how.among, scale=ANGLE)
-    near = _near_meetings(finger, spec, flexion, starts.parameters)
-    coarse = over(finger, spec, flexion, flexion, near)
-    begin = make_epigraph_starts(coarse, starts.parameters)
-    rounds = [Round(coarse, minimizer(coarse, how.starts, "bfgs").solve(begin))]
+    coarse = grids(finger.body, how.step_deg)
+    starts = select_starts(
+        over(finger, spec, *coarse, ()), how.starts, seed, among=how.among, scale=ANGLE
+    )
+    if near is None:
+        near = _near_meetings(finger, spec, coarse, starts.parameters)
+    problem = over(finger, spec, *coarse, near)
+    begin = make_epigraph_starts(problem, starts.parameters)
+    rounds = [Round(problem, minimizer(problem, how.starts, "bfgs").solve(begin, exact(problem)))]
     worst = _worst_postures(finger, spec)
-    pip = dip = flexion
-    again = known = None
+    pip, dip = coarse
+    known = None
     for _ in range(how.exchanges):
         if rounds[-1].optima.best.violation > NEARLY:
             break  # more postures would only ask for more
@@ -159,21 +173,26 @@ def search(spec: FingerLinkageSpec, seed: int) -> Search:
         pip = _joined(pip, [part for part, _ in more])
         dip = _joined(dip, [part for _, part in more])
         # All rounds have places for as many postures, so that one program solves them.
-        postures = _filled(pip, flexion), _filled(dip, flexion)
+        postures = _filled(pip, coarse[0]), _filled(dip, coarse[1])
         if known is not None and all(map(np.array_equal, postures, known)):
             break
         known = postures
         problem = over(finger, spec, *postures, near)
-        again = again or minimizer(problem, len(finalists), "slsqp")
+        again = minimizer(problem, len(finalists), "slsqp")
         designs = jax.tree.map(lambda *leaves: jnp.stack(leaves), *finalists).design
-        solved = Round(problem, again.solve(make_epigraph_starts(problem, designs), problem.data))
+        begin = make_epigraph_starts(problem, designs)
+        solved = Round(problem, again.solve(begin, exact(problem)))
         if solved.optima.best.violation > NEARLY:
             break  # from what cannot be met this solver runs astray
         rounds.append(solved)
     found = replace(finger, pins=rounds[-1].optima.best.parameters.design)
     if finger.motor is not None:
-        found = with_motor_pin(found, spec.motor.arm)
-    return Search(finger.with_pins(rounded(pins_of(found), how.rounding)), starts, tuple(rounds))
+        found = with_motor_pin(found, spec.motor.arm, ends_of(finger.body))
+    made = finger.with_pins(rounded(pins_of(found), how.rounding))
+    short = None
+    if rounds[-1].optima.best.violation > NEARLY:
+        short = _shortfall(rounds[-1])
+    return Search(made, starts, tuple(rounds), short)
 
 
 def blank_finger(spec: FingerLinkageSpec) -> Finger:
@@ -182,6 +201,14 @@ def blank_finger(spec: FingerLinkageSpec) -> Finger:
     driven = FingerMotor(motor.behind, motor.above) if motor.parallelogram else None
     spring = FingerSpring(**spec.spring.model_dump())
     return Finger.of(Body.of(spec.body), None, spring, links=Links.of(spec.links), motor=driven)
+
+
+def _shortfall(last: Round) -> Optimum:
+    """What is missing at least, from where a round ended."""
+    best = last.optima.best
+    start = EpigraphVariables(best.parameters.design, jnp.asarray(best.violation))
+    form = make_elastic(last.problem)
+    return minimize(form, jax.tree.map(lambda leaf: leaf[None], start), "slsqp").best
 
 
 PLACES = 10
@@ -209,19 +236,19 @@ The judgement has them all."""
 
 
 def _near_meetings(
-    finger: Finger, spec: FingerLinkageSpec, flexion: np.ndarray, starts: Pins
+    finger: Finger, spec: FingerLinkageSpec, grids: tuple[Angles, Angles], starts: Pins
 ) -> list[Meeting]:
     """The parts that come near each other at any of the starts."""
     meetings = find_meetings(links_of(finger), finger.joined())
-    turns = rotation(-jnp.asarray(flexion))
+    turns = [rotation(-jnp.asarray(angles)) for angles in grids]
 
     @jax.jit
     @jax.vmap
     def least(pins: Pins) -> list[Array]:
         moved = replace(finger, pins=pins)
         if finger.motor is not None:
-            moved = with_motor_pin(moved, spec.motor.arm)
-        found = clearances_at(moved, postures_at(moved, turns, turns), turns, meetings)
+            moved = with_motor_pin(moved, spec.motor.arm, ends_of(finger.body))
+        found = clearances_at(moved, postures_at(moved, *turns), turns[0], meetings)
         return [jnp.min(found[name_of(one)]) for one in meetings]
 
     limit = spec.limits.clearance + FAR
@@ -267,8 +294,8 @@ def _worst_postures(
     finger: Finger, spec: FingerLinkageSpec
 ) -> Callable[[Pins, float], tuple[Any, Any]]:
     """From a design and the level it promised to the angles of postures in which it is worse."""
-    flexion = grid(finger.body, STEP_DEG)
-    check = linkage_problem(finger, spec.limits, flexion, flexion, motor=spec.motor)
+    every = grids(finger.body, STEP_DEG)
+    check = linkage_problem(finger, spec.limits, *every, motor=spec.motor)
     terms = jax.jit(check.terms)
 
     def worst(pins: Pins, level: float) -> tuple[Any, Any]:
@@ -279,23 +306,36 @@ def _worst_postures(
         pip, dip = set(), set()
         for values in short:
             # What one angle decides is a row over DIP.
-            if values.shape[-1:] == flexion.shape and np.max(values) > 0:
+            if values.shape[-1:] == every[1].shape and np.max(values) > 0:
                 *row, column = np.unravel_index(np.argmax(values), values.shape)
-                pip.update(flexion[place] for place in row)
-                dip.add(flexion[column])
+                pip.update(every[0][place] for place in row)
+                dip.add(every[1][column])
         return sorted(pip), sorted(dip)
 
     return worst
 
 
+_MINIMIZERS: dict[Any, Minimizer] = {}
+"""Those that are compiled, by all that they are compiled for."""
+
+
 def minimizer(problem: Problem, count: int, method: Method) -> Minimizer:
-    """A solver of the exact form.
+    """A solver of the exact form, compiled once for all problems that differ in their data alone.
 
     From afar BFGS inside an augmented Lagrangian, all starts in one vectorised program; near the
     optimum sequential quadratic programming needs a few steps, for it sees which postures hold it.
     """
-    exact = make_epigraph(problem, scale=ANGLE)
-    return Minimizer(exact, count, method, floor=FLOOR, updates=UPDATES, steps=STEPS)
+    leaves, structure = jax.tree.flatten(problem.data)
+    key = problem.terms, count, method, structure, tuple(map(jnp.shape, leaves))
+    if key not in _MINIMIZERS:
+        caps: Any = {"floor": FLOOR, "updates": UPDATES, "steps": STEPS}
+        _MINIMIZERS[key] = Minimizer(exact(problem), count, method, **caps)
+    return _MINIMIZERS[key]
+
+
+def exact(problem: Problem) -> Problem:
+    """The problem's epigraph form."""
+    return make_epigraph(problem, scale=ANGLE)
 
 
 def rounded(pins: Pins, step: float) -> Pins:

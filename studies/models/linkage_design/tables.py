@@ -109,17 +109,17 @@ def requirements(limits: LimitsSpec, design: LinkageDesign) -> Records:
 def trajectories(design: LinkageDesign) -> Records:
     """Pinch and adaptive closing: crank and transmission angles on the way."""
     verdict, found = design.verdict, Records()
-    count = len(verdict.flexion_deg)
-    pip = np.arange(0, count, EVERY)
-    for mode, dip in (("pinch", np.zeros_like(pip)), ("adaptive", pip)):
+    shape = verdict.crank_deg.shape
+    pip = np.arange(0, shape[0], EVERY)
+    for mode, dip in (("pinch", np.zeros_like(pip)), ("adaptive", np.minimum(pip, shape[1] - 1))):
         angles = {
-            f"{name}_deg": np.broadcast_to(values, (count, count))[pip, dip]
+            f"{name}_deg": np.broadcast_to(values, shape)[pip, dip]
             for name, values in verdict.angles_deg.items()
         }
         found.add(
             mode=mode,
-            pip_deg=verdict.flexion_deg[pip],
-            dip_deg=verdict.flexion_deg[dip],
+            pip_deg=verdict.pip_deg[pip],
+            dip_deg=verdict.dip_deg[dip],
             crank_deg=verdict.crank_deg[pip, dip],
             force_ratio=verdict.ratio[pip, dip],
             **angles,

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from designopt.batching import map_in_chunks
 from studies.models.finger import Finger, pins_of
 from studies.models.linkage_design.postures import find_postures
-from studies.models.linkage_design.problem import grid
+from studies.models.linkage_design.problem import grids
 from studies.models.pins import Pins
 
 STEP_DEG = 7.5
@@ -47,15 +47,15 @@ def least_angles(
         return place[None] + deviation * jax.random.normal(key, (draws, 2), place.dtype)
 
     drawn = jax.tree.map(sample, pins, jax.tree.unflatten(structure, list(keys)))
-    return np.asarray(_least_of_each(finger, drawn, jnp.asarray(grid(finger.body, STEP_DEG))))
+    return np.asarray(_least_of_each(finger, drawn, *grids(finger.body, STEP_DEG)))
 
 
 @jax.jit
 def _least_of_each(
-    finger: Finger, drawn: Pins, angles: Float[Array, " angles"]
+    finger: Finger, drawn: Pins, pip: Float[Array, " pip"], dip: Float[Array, " dip"]
 ) -> Float[Array, " draws"]:
     def least(one: Pins) -> Float[Array, ""]:
-        found = find_postures(replace(finger, pins=one), angles, angles)
+        found = find_postures(replace(finger, pins=one), pip, dip)
         reach = jnp.minimum(*map(jnp.min, found.reach))
         angle = functools.reduce(jnp.minimum, map(jnp.min, found.angles.values()))
         return jnp.where(reach > 0, jnp.rad2deg(angle), 0.0)

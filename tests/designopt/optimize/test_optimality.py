@@ -32,7 +32,7 @@ PUBLISHED_DIGITS = 2e-7
 def judged(problem: Problem, parameters) -> Optimum:
     flat = Flat.of(problem)
     nothing = Trace(jnp.zeros(1), jnp.zeros(1), jnp.zeros(1, int))
-    return make_optimality_check(flat)(flat.point(parameters), problem.data, nothing)
+    return make_optimality_check(flat)(flat.point(parameters), flat.own, nothing)
 
 
 def corner(x):
