@@ -15,17 +15,20 @@ from pathlib import Path
 import numpy as np
 
 from studies.oracles.finger_tables import scene_of_finger
-from studies.oracles.judge.solids import Pose, Tables, motion_of
+from studies.oracles.judge.frames import union
+from studies.oracles.judge.solids import Pose, Tables
 from studies.oracles.judge.tracing import Tracer
 
-RAYS = 1000
+RAYS = 2000
 """Of the fan over the field of view before it is refined."""
 
 PARTS, ROUNDS = 8, 7
-"""An interval between two rays is divided so often into so many parts: 160° into 1.3e-9 rad."""
+"""An interval between two rays is divided so often into so many parts: 160° into 7e-10 rad."""
 
-APART = 0.02
-"""Neighbouring rays of one label land no farther apart, in parts of the pad."""
+APART, TURN = 0.02, 3e-3
+"""Neighbours of one view land no farther apart (parts of the pad), in directions that differ no
+more (rad): a ray that slips through the seam of two faces misses a refraction, and is none of it.
+"""
 
 
 def traced_coverage(path: str | Path, degrees: np.ndarray) -> np.ndarray:
@@ -43,45 +46,43 @@ def traced_coverage(path: str | Path, degrees: np.ndarray) -> np.ndarray:
     """
     tables = scene_of_finger(path)
     poses = [{"pip": pip, "dip": dip} for pip, dip in np.asarray(degrees, float).tolist()]
-    return np.array([coverage_in_pose(tables, pose) for pose in poses])
+    return np.array([_in_pose(tables, pose) for pose in poses])
 
 
-def coverage_in_pose(tables: Tables, pose: Pose) -> np.ndarray:
-    """The same of every pad of a scene's tables with `judge.tracing.Tracer`'s words in one pose."""
+def _in_pose(tables: Tables, pose: Pose) -> list[float]:
+    """Coverage of every pad in one pose."""
     camera = tables["camera"]
-    turn, shift = motion_of(tables, pose, camera.get("body", "world"))
-    tracer = Tracer(tables, pose, turn * complex(*camera["position"]) + shift)
-    axis = turn * np.exp(1j * np.radians(camera["direction_deg"]))
+    eye = complex(*camera["position"])
+    tracer = Tracer(tables, pose, eye)
     lengths = np.array([frame.length for frame in tracer.pads])
+    axis, half = (math.radians(camera[key]) for key in ("direction_deg", "fov_deg"))
+    half /= 2
 
-    def trace(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Labels, and coordinates on the membranes, 0 to 1."""
-        way = axis * np.exp(1j * angles)
-        rays = tracer.trace(np.stack([way.real, way.imag, np.zeros_like(angles)], axis=-1))
-        return rays.labels(), rays.along / lengths[rays.pad]
+    def trace(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Labels, coordinates on the membranes (0 to 1), and directions there."""
+        x, y = np.cos(axis + angles), np.sin(axis + angles)
+        rays = tracer.trace(np.stack([x, y, np.zeros_like(angles)], axis=-1))
+        return rays.labels(), rays.along / lengths[rays.pad], rays.way
 
-    half = math.radians(camera["fov_deg"]) / 2
     angles = np.linspace(-half, half, RAYS)
-    labels, along = trace(angles)
+    labels, along, ways = trace(angles)
     for _ in range(ROUNDS):
-        same = np.all(labels[1:] == labels[:-1], axis=-1)
-        wide = np.flatnonzero(~same | ((labels[1:, 0] >= 0) & (np.abs(np.diff(along)) > APART)))
-        steps = np.arange(1, PARTS) / PARTS
-        finer = (angles[wide, None] + np.diff(angles)[wide, None] * steps).ravel()
+        pads, joined = _neighbours(labels, ways)
+        wide = np.flatnonzero(~joined | ((pads >= 0) & (np.abs(np.diff(along)) > APART)))
+        steps = np.diff(angles)[wide, None] * np.arange(1, PARTS) / PARTS
+        finer = (angles[wide, None] + steps).ravel()
+        old, new = (angles, labels, along, ways), (finer, *trace(finer))
         places = np.repeat(wide + 1, PARTS - 1)
-        found = finer, *trace(finer)
-        angles, labels, along = (
-            np.insert(old, places, new, axis=0)
-            for old, new in zip((angles, labels, along), found, strict=True)
+        angles, labels, along, ways = (
+            np.insert(*both, axis=0)
+            for both in zip(old, [places] * len(old), new, strict=True)
         )
-    seen = np.all(labels[1:] == labels[:-1], axis=-1) & (labels[1:, 0] >= 0)
-    spans = np.sort(np.stack([along[:-1], along[1:]], axis=-1)[seen], axis=-1)
-    pads = labels[1:, 0][seen]
-    return np.array([_union(spans[pads == pad]) for pad in range(len(lengths))])
+    pads, joined = _neighbours(labels, ways)
+    spans = np.stack([along[:-1], along[1:]], axis=-1)
+    return [union(spans[joined & (pads == pad)].tolist()) for pad in range(len(lengths))]
 
 
-def _union(spans: np.ndarray) -> float:
-    """Length of a union of intervals, shape (intervals, 2)."""
-    spans = spans[np.argsort(spans[:, 0])]
-    reached = np.maximum.accumulate(np.append(-np.inf, spans[:, 1]))
-    return float(np.sum(np.maximum(spans[:, 1] - np.maximum(spans[:, 0], reached[:-1]), 0.0)))
+def _neighbours(labels: np.ndarray, ways: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The pad that the first of every two neighbouring rays sees, and whether they see one view."""
+    pads, turn = labels[:-1, 0], np.linalg.norm(np.diff(ways, axis=0), axis=-1)
+    return pads, np.all(labels[1:] == labels[:-1], axis=-1) & ((pads < 0) | (turn < TURN))
