@@ -26,8 +26,8 @@ SETBACK = 0.5
 PROJECTIONS = {
     "pinhole": (math.tan, math.atan),
     "equidistant": (lambda angle: angle, lambda height: height),
-    "equisolid": (lambda angle: 2 * math.sin(angle / 2), lambda height: 2 * math.asin(height / 2)),
-    "stereographic": (lambda angle: 2 * math.tan(angle / 2), lambda height: 2 * math.atan(height / 2)),
+    "equisolid": (lambda angle: 2 * math.sin(angle / 2), lambda high: 2 * math.asin(high / 2)),
+    "stereographic": (lambda angle: 2 * math.tan(angle / 2), lambda high: 2 * math.atan(high / 2)),
     "orthographic": (math.sin, math.asin),
 }
 """Image height (focal lengths) at an angle from the axis (rad), and its inverse."""
@@ -58,9 +58,11 @@ def scene_of_finger(path: str | Path) -> dict[str, Any]:
     mirrors = []
     for mirror in file.get("mirrors", []):
         host = mirror["phalanx"]
-        start, end = (complex(joint[host] + x, dorsal - y) for x, y in (mirror["from"], mirror["to"]))
-        # From its joint outwards: what reflects is the side towards the palm.
-        mirrors.append(part(host, host, start, end, side="left" if host == "proximal" else "right"))
+        places = mirror["from"], mirror["to"]
+        start, end = (complex(joint[host] + x, dorsal - y) for x, y in places)
+        # From its joint outwards; the side towards the palm reflects.
+        side = "left" if host == "proximal" else "right"
+        mirrors.append(part(host, host, start, end, side=side))
     walls = {
         "proximal shell": (rear + 1j * dorsal, 1j * dorsal),
         "intermediate shell": (1j * dorsal, middle + 1j * dorsal),
@@ -77,12 +79,11 @@ def scene_of_finger(path: str | Path) -> dict[str, Any]:
     for name, start, end, layers in _pads(body, file.get("pads"), rear, tip):
         limits = {"side": "left", "min_grazing_deg": camera["min_grazing_deg"]}
         pads.append(part(name, name, start, end, **limits, **layers))
-    direction = math.degrees(cmath.phase(axis))
     return {
         "scene": {"bounces": 1},
         "camera": {
             "position": [eye.real, eye.imag],
-            "direction_deg": direction,
+            "direction_deg": camera["tilt_deg"] - 90,
             "fov_deg": field_of_view(camera),
         },
         "mirrors": mirrors,
@@ -143,9 +144,9 @@ def _pads(
     """Name, ends and layers of every pad.
 
     Two membranes that begin g from a joint, h below its axis, are 2 (g cos r/2 − h sin r/2) apart
-    when it is bent by r. At the greatest flexion that is the clearance c of the pads; there the
-    neighbours' layers may come to c / 2 from the plane that halves the joint, which they do z tan r/2
-    beyond the membrane at a height z, and to c / 2 from it in the straight finger.
+    when it is bent by r: at the greatest flexion, the clearance c. At a height z above them layers
+    may reach z tan r/2 beyond, where they are as near to each other then, and g − c / 2, where they
+    are so in the straight finger.
     """
     ranges = body["range_deg"]
     pip, dip = ranges if isinstance(ranges, list) else (ranges, body.get("dip_range_deg", ranges))
@@ -161,7 +162,9 @@ def _pads(
             return [share * free for share in layer.get("outer_reach", (0.0, 0.0))]
         most = max(gap[end] - clearance / 2, 0.0)
         free = [min(z * math.tan(bend[end]), most) for z in heights]
-        return [share * one for share, one in zip(layer.get("reach", (0.0, 0.0)), free, strict=True)]
+        return [
+            share * one for share, one in zip(layer.get("reach", (0.0, 0.0)), free, strict=True)
+        ]
 
     def layers(ends: tuple[int | None, int | None]) -> dict[str, Any]:
         if table is None:

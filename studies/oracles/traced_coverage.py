@@ -74,8 +74,7 @@ def _in_pose(tables: Tables, pose: Pose) -> list[float]:
         old, new = (angles, labels, along, ways), (finer, *trace(finer))
         places = np.repeat(wide + 1, PARTS - 1)
         angles, labels, along, ways = (
-            np.insert(*both, axis=0)
-            for both in zip(old, [places] * len(old), new, strict=True)
+            np.insert(*both, axis=0) for both in zip(old, [places] * len(old), new, strict=True)
         )
     pads, joined = _neighbours(labels, ways)
     spans = np.stack([along[:-1], along[1:]], axis=-1)
