@@ -76,7 +76,7 @@ def scene_of_finger(path: str | Path) -> dict[str, Any]:
     for start, end in _camera_body(camera):
         blockers.append(part("camera", "intermediate", eye + axis * start, eye + axis * end))
     pads = []
-    for name, start, end, layers in _pads(body, file.get("pads"), rear, tip):
+    for name, start, end, layers in _pads(body, file.get("pads", {}), rear, tip):
         limits = {"side": "left", "min_grazing_deg": camera["min_grazing_deg"]}
         pads.append(part(name, name, start, end, **limits, **layers))
     return {
@@ -110,14 +110,14 @@ def field_of_view(camera: Tables) -> float:
         return float(camera["fov_deg"])
     long, short = camera["format"]["sensor_mm"]
     circle = camera.get("image_circle_mm", math.inf)
-    name, focal = camera.get("projection"), camera.get("focal_length")
+    name, focal = camera.get("projection", ""), camera.get("focal_length")
     if "fov_deg" in camera:
         sides = {"horizontal": long, "vertical": short, "diagonal": math.hypot(long, short)}
         half = math.radians(camera["fov_deg"]) / 2
         focals = {
             one: min(sides[camera["fov_axis"]], circle) / 2 / height(half)
             for one, (height, _) in PROJECTIONS.items()
-            if name in (None, one) and (half < math.pi / 2 or one not in NARROW)
+            if name in ("", one) and (half < math.pi / 2 or one not in NARROW)
         }
         name = min(focals, key=lambda one: abs(focals[one] - (focal or focals[one])))
         focal = focal or focals[name]
@@ -139,7 +139,7 @@ def _camera_body(camera: Tables) -> list[tuple[complex, complex]]:
 
 
 def _pads(
-    body: Tables, table: Tables | None, rear: float, tip: float
+    body: Tables, table: Tables, rear: float, tip: float
 ) -> Iterator[tuple[str, complex, complex, dict[str, Any]]]:
     """Name, ends and layers of every pad.
 
@@ -167,7 +167,7 @@ def _pads(
         ]
 
     def layers(ends: tuple[int | None, int | None]) -> dict[str, Any]:
-        if table is None:
+        if not table:
             return {}
         made, low, kind = [], 0.0, table.get("ends", "black")
         for layer in reversed(table["layers"]):
