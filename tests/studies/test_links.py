@@ -62,9 +62,9 @@ def test_clearances_are_those_of_polygons(tmp_path, shift):
     pins = [check for name, check in checks.items() if name.startswith("pin ")]
     inside = min(check.achieved for check in pins if " inside " in check.name) - keep
     # Ours takes the worst of all angles of the joint beyond which a pin may lie.
-    assert inside <= found.least_inside + 1e-3
+    assert inside <= found.bars_inside + 1e-3
     if shift == 0:
-        assert inside == pytest.approx(found.least_inside, abs=1e-3)
+        assert inside == pytest.approx(found.bars_inside, abs=1e-3)
 
 
 def links_floor(finger: Finger, other: str) -> float:
