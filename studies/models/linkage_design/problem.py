@@ -15,11 +15,12 @@ from jaxtyping import Array, Float
 from designopt.optimize import Evaluation, Problem, Requirement
 from designopt.vectors import Vector, rotation, vector
 from studies.models.finger import Body, Finger, links_of, pins_of, spring_of
-from studies.models.link_layers import Meeting, find_meetings
+from studies.models.link_layers import Meeting
 from studies.models.linkage_design.clearances import (
     HOSTS,
     clearances_at,
     faces_of,
+    find_free_meetings,
     name_of,
 )
 from studies.models.linkage_design.postures import Postures, find_postures, postures_at
@@ -152,7 +153,7 @@ def linkage_problem(
             inequalities=found,
         )
 
-    asked = find_meetings(links_of(finger), finger.joined()) if meetings is None else meetings
+    asked = find_free_meetings(finger) if meetings is None else meetings
 
     lower, upper = _box(finger, limits, allowance)
     scale = jax.tree.map(lambda leaf: jnp.full_like(leaf, LENGTH), lower)
@@ -265,7 +266,7 @@ def _requirements(
     for name in HOSTS:
         for side in ("palmar face", "dorsal face", "rear end", "tip"):
             lengths.append(f"pin {pin_name(name)} inside the {side}")
-    lengths += map(name_of, find_meetings(links_of(finger), finger.joined()))
+    lengths += map(name_of, find_free_meetings(finger))
     ratios = ["crank closing with PIP", "crank closing with DIP", "plate turning with DIP", "φ₂/φ₁"]
     amounts = dict.fromkeys(lengths, ("mm", LENGTH)) | dict.fromkeys(ratios, ("", 1.0))
     amounts |= dict.fromkeys(SYMBOLS.values(), ("°", float(np.rad2deg(ANGLE))))
