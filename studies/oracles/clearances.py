@@ -169,7 +169,7 @@ def _bars_apart(
             distance = shapely.distance(hulls[one], hulls[other]) - radius
         else:
             distance = shapely.distance(hulls[one], _hulls([places[other]]))
-            distance -= links["axle_diameter"] / 2
+            distance -= links["axle_diameter" if other in "AB" else "pin_diameter"] / 2
         found[one, other] = distance - radius
     for bar, hull in hulls.items():
         found |= {
@@ -314,16 +314,18 @@ def pad_pieces(body: dict[str, Any], pads: dict[str, Any]) -> dict[str, Pieces]:
 
 
 def meeting_parts(links: dict[str, Any], bars: list[str]) -> list[tuple[str, str]]:
-    """Bars that lie in one layer, and bars in a layer that an axle crosses."""
+    """Bars that lie in one layer, and bars in a layer that a pin or an axle crosses."""
     layer = {part: number for number, parts in enumerate(links["layers"]) for part in parts}
     pairs = [
         (one, other)
         for one, other in combinations(bars, 2)
         if layer[one] == layer[other] and not set(BARS[one]) & set(BARS[other])
     ]
-    for axle in ("A", "B"):
-        low, high = sorted(layer[body] for body in CARRIERS[axle])
-        pairs += [(bar, axle) for bar in bars if low < layer[bar] < high]
+    present = {*PHALANGES, *bars}
+    for pin, bodies in CARRIERS.items():
+        if present.issuperset(bodies):
+            low, high = sorted(layer[body] for body in bodies)
+            pairs += [(bar, pin) for bar in bars if low < layer[bar] < high]
     return pairs
 
 

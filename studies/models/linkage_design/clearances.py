@@ -26,7 +26,8 @@ from kinematics.solve.clearance import find_separation
 from studies.models.finger import Body, Finger, links_of
 from studies.models.link_layers import Meeting, find_meetings
 from studies.models.linkage_design.postures import Postures
-from studies.models.links import OUTLINES
+from studies.models.links import AXLES, OUTLINES
+from studies.models.pins import pin_name
 
 FACES = {"proximal": "OA", "intermediate": "AB", "distal": "BT"}
 """The phalanges by the ends of their axes, which their palmar faces are parallel to."""
@@ -52,7 +53,8 @@ def name_of(meeting: Meeting) -> str:
     """What people read: the bar, and what it keeps from."""
     known = {"A": "the PIP axle", "B": "the DIP axle"}
     known |= {phalanx: f"the palmar face of the {phalanx} phalanx" for phalanx in FACES}
-    return f"{meeting.first} from {known.get(meeting.second, 'the ' + meeting.second)}"
+    kind = "the " if meeting.second in OUTLINES else "pin "
+    return f"{meeting.first} from {known.get(meeting.second) or kind + pin_name(meeting.second)}"
 
 
 def find_face_meetings(finger: Finger) -> list[Meeting]:
@@ -95,7 +97,8 @@ def find_clearances(
         elif one.second in OUTLINES:
             second, radius = _corners(places, OUTLINES[one.second]), links.bar_width / 2
         else:
-            second, radius = _corners(places, one.second), links.axle_diameter / 2
+            diameter = links.axle_diameter if one.second in AXLES else links.pin_diameter
+            second, radius = _corners(places, one.second), diameter / 2
         between = find_separation(_corners(places, OUTLINES[one.first]), second)
         found[name_of(one)] = between - links.bar_width / 2 - radius
     return found
@@ -110,8 +113,9 @@ def _face(
     start, end = (places[name] for name in FACES[phalanx])
     line = end - start
     ahead = line.scaled(1 / line.length())
-    left = {"proximal": 0.0, "intermediate": pip, "distal": dip}[phalanx]
-    right = line.length() - {"proximal": pip, "intermediate": dip, "distal": 0.0}[phalanx]
+    zero = jnp.zeros_like(pip)
+    gaps = {"proximal": (zero, pip), "intermediate": (pip, dip), "distal": (dip, zero)}[phalanx]
+    left, right = gaps[0], line.length() - gaps[1]
     around = (left, low), (right, low), (right, high), (left, high)
     corners = [start + ahead.scaled(x) + ahead.perpendicular().scaled(y) for x, y in around]
     return jnp.stack([corner.stacked() for corner in corners], axis=-2)
