@@ -226,7 +226,7 @@ def palmar_faces(body: dict[str, Any], shell: float) -> dict[str, tuple[str, Pie
     spans = ((-body["proximal"], -pip), (pip, body["intermediate"] - dip), (dip, body["distal"]))
     low = -1j * body["axis_height"]
     return {
-        f"palmar face of {phalanx}": (
+        f"palmar face of the {phalanx} phalanx": (
             phalanx,
             [[x + low + up for up in (0, 1j * shell) for x in span]],
         )

@@ -70,7 +70,7 @@ def test_neighbours_pads_and_faces_keep_what_the_formula_has(tmp_path):
         for parts, y in (
             ((f"{one} pad", f"{other} pad"), 4.4),
             (
-                (f"palmar face of {one}", f"palmar face of {other}"),
+                (f"palmar face of the {one} phalanx", f"palmar face of the {other} phalanx"),
                 4.0,
             ),
         ):
@@ -162,16 +162,21 @@ def test_the_librarys_clearances_are_those_of_polygons(tmp_path, made):
     pip, dip = np.sort(generator.uniform(0, 90, (2, 9)), axis=1)
     found = polygon_clearances(tmp_path / "finger.toml", degrees=(pip, dip))
     assert found.assembled.all()
-    meetings = list(dict.fromkeys([*find_free_meetings(finger), *find_face_meetings(finger)]))
+    meetings = tuple(dict.fromkeys([*find_free_meetings(finger), *find_face_meetings(finger)]))
     turns = [rotation(-jnp.deg2rad(part)) for part in (pip, dip)]
-    by_search = clearances_at(finger, postures_at(finger, *turns), turns[0], meetings)
+    postures = jax.jit(postures_at)(finger, *turns)
+    by_search = jax.jit(clearances_at, static_argnums=3)(finger, postures, turns[0], meetings)
     square = -jnp.deg2rad(jnp.stack(jnp.meshgrid(pip, dip, indexing="ij"), axis=-1))
     pose = jax.jit(solve_poses)(finger.linkage(), square).value
     places = {name: pose.joints[pin_name(name)] for name in "OABTFEDCGHKMN"}
-    by_solver = find_clearances(finger, places, meetings)
+    by_solver = jax.jit(find_clearances, static_argnums=2)(finger, places, meetings)
     assert sum(one.second in FACES for one in meetings) == 3 * len(BESIDE)
     for one in meetings:
-        second = f"palmar face of {one.second}" if one.second in FACES else pin_name(one.second)
+        second = (
+            f"palmar face of the {one.second} phalanx"
+            if one.second in FACES
+            else pin_name(one.second)
+        )
         polygons = found.apart[one.first, second]
         # Shapely has no way out of what overlaps: the outlines' roundings there.
         floor = -2.0 - {"A": 2.0, "B": 2.0, "G": 1.0}.get(one.second, 2.0 * (one.second in BARS))
@@ -196,9 +201,30 @@ def test_a_rod_that_cuts_the_corner_between_palmar_faces_is_found(tmp_path):
     assert set(find_face_meetings(high)) < set(find_free_meetings(high))
 
 
+def test_slopes_are_central_differences(tmp_path):
+    """Of the clearances from palmar faces over a pin, and over the height of the axes."""
+    finger, step = low_rod(tmp_path), 1e-5
+    meetings = tuple(find_face_meetings(finger))
+    pip, dip = (rotation(-jnp.deg2rad(jnp.array(part))) for part in ([20.0, 77.0], [10.0, 64.0]))
+
+    @jax.jit
+    def found(at: jax.Array) -> jax.Array:
+        pins, body = finger.pins, finger.body
+        moved = replace(pins, D=jnp.stack([at[0], pins.D[1]]))
+        made = replace(finger, pins=moved, body=replace(body, axis_height=at[1]))
+        clear = clearances_at(made, postures_at(made, pip, dip), pip, meetings)
+        return jnp.concatenate([jnp.ravel(clear[name_of(one)]) for one in meetings])
+
+    at = jnp.array([float(finger.pins.D[0]), 4.0])
+    slopes = jax.jacfwd(found)(at)
+    for i, one in enumerate(step * jnp.eye(2)):
+        difference = (found(at + one) - found(at - one)) / (2 * step)
+        np.testing.assert_allclose(slopes[:, i], difference, atol=1e-7)
+
+
 def test_every_bar_is_measured_from_every_palmar_face(tmp_path):
     found = measured(tmp_path)
-    faces = [f"palmar face of {phalanx}" for phalanx in FACES]
+    faces = [f"palmar face of the {phalanx} phalanx" for phalanx in FACES]
     assert {pair for pair in found.apart if pair[1] in faces and pair[0] in BARS} == {
         (bar, face) for bar in BARS for face in faces
     }
