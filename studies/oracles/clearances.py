@@ -187,8 +187,8 @@ def _between(first: list[Any], second: list[Any]) -> np.ndarray:
             shared = np.zeros_like(distance)
             touch = distance == 0
             if touch.any():
-                both = np.broadcast_arrays(one, other)
-                shared[touch] = shapely.area(shapely.intersection(*(part[touch] for part in both)))
+                at, to = np.broadcast_arrays(one, other)
+                shared[touch] = shapely.area(shapely.intersection(at[touch], to[touch]))
             found.append(distance - np.sqrt(shared))
     return np.min(found, axis=0)
 
@@ -375,7 +375,7 @@ def _third(
     return one + (other - one) / span * (along + 1j * side * across)
 
 
-def _hulls(corners: list[Complex]) -> np.ndarray:
+def _hulls(corners: list[Complex]) -> Any:
     stacked = np.stack([np.stack([one.real, one.imag], axis=-1) for one in corners], axis=-2)
     stacked = np.where(np.isfinite(stacked), stacked, 0.0)
     return shapely.convex_hull(shapely.multipoints(stacked))

@@ -18,7 +18,7 @@ from designopt.io.toml_writing import format_toml
 from designopt.vectors import rotation
 from kinematics.solve.poses import solve_poses
 from studies.models import packaged_finger
-from studies.models.finger import Finger
+from studies.models.finger import Finger, pins_of
 from studies.models.finger_file import read_finger, write_finger
 from studies.models.linkage_design.clearances import (
     BESIDE,
@@ -204,18 +204,18 @@ def test_a_rod_that_cuts_the_corner_between_palmar_faces_is_found(tmp_path):
 def test_slopes_are_central_differences(tmp_path):
     """Of the clearances from palmar faces over a pin, and over the height of the axes."""
     finger, step = low_rod(tmp_path), 1e-5
+    pins, body = pins_of(finger), finger.body
     meetings = tuple(find_face_meetings(finger))
     pip, dip = (rotation(-jnp.deg2rad(jnp.array(part))) for part in ([20.0, 77.0], [10.0, 64.0]))
 
     @jax.jit
     def found(at: jax.Array) -> jax.Array:
-        pins, body = finger.pins, finger.body
         moved = replace(pins, D=jnp.stack([at[0], pins.D[1]]))
         made = replace(finger, pins=moved, body=replace(body, axis_height=at[1]))
         clear = clearances_at(made, postures_at(made, pip, dip), pip, meetings)
         return jnp.concatenate([jnp.ravel(clear[name_of(one)]) for one in meetings])
 
-    at = jnp.array([float(finger.pins.D[0]), 4.0])
+    at = jnp.array([float(pins.D[0]), 4.0])
     slopes = jax.jacfwd(found)(at)
     for i, one in enumerate(step * jnp.eye(2)):
         difference = (found(at + one) - found(at - one)) / (2 * step)

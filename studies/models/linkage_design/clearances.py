@@ -74,8 +74,9 @@ def find_free_meetings(finger: Finger) -> list[Meeting]:
     """
     links = links_of(finger)
     found = find_meetings(links, finger.joined())
-    below = finger.body.axis_height - links.axle_diameter / 2 - links.bar_width - links.shell
-    held = {one for one in BESIDE.items() if float(below) < 0} & {tuple(one) for one in found}
+    needed = float(links.axle_diameter) / 2 + float(links.bar_width) + float(links.shell)
+    room = float(finger.body.axis_height) - needed
+    held = {one for one in BESIDE.items() if room < 0} & {tuple(one) for one in found}
     faces = find_face_meetings(finger)
     return found + [one for one in faces if (one.first, BESIDE[one.first]) not in held]
 
