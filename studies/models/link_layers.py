@@ -65,11 +65,11 @@ class Links(eqx.Module):
 
 
 class Meeting(NamedTuple):
-    """Two parts that lie in one layer, or a bar and an axle that crosses its layer.
+    """Two parts that lie in one layer, or a bar and what crosses its layer: an axle, a palmar face.
 
     Attributes:
         first: a bar.
-        second: a bar or the name of a pin.
+        second: a bar, the name of a pin, or the phalanx whose palmar face it is.
     """
 
     first: str

@@ -4,6 +4,11 @@ Everything is written out a second time: the pins of a posture by circles that i
 outlines as Shapely's geometries, what the layers mean, and the finger's section as a union of
 rectangles and of sectors about the joints. Distances are exact but for those from these sectors,
 whose arcs are polygons inside of them: 2e-4 mm.
+
+At the sides of the finger bars meet each other, axles, and the palmar faces of all phalanges; in
+the middle camera, mirrors and pads meet. All of them but the pads, which are the palmar side there,
+lie inside the section. A part of the middle is a list of convex pieces in its phalanx's own frame:
+from its joint's axis (that of the proximal phalanx is PIP) towards the tip and to the back.
 """
 
 from __future__ import annotations
@@ -17,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 BARS = {
     "crank": ("F", "E", "K"),
@@ -42,6 +47,12 @@ CARRIERS = {
 }
 """The two bodies on every pin."""
 
+PHALANGES = ("proximal", "intermediate", "distal")
+
+SETBACK, BACK, MOUNT, WALL = 0.5, 4.0, 1.0, 0.5
+"""Pinhole to the front and to the back of the camera's body, a mirror's mount, and the wall at the
+outer ends of layers; all but the first where the file has none of its own, mm."""
+
 SEAM = 1e-7
 """mm."""
 
@@ -50,85 +61,271 @@ ARC_STEPS = 256
 
 Complex = NDArray[np.complex128]
 Places = dict[str, Complex]
+Pieces = list[list[complex]]
 
 
 class PolygonClearances(NamedTuple):
-    """What a finger's parts keep in the postures of a square grid.
+    """What a finger's parts keep in the postures of a grid, which has PIP in rows.
 
     Attributes:
-        degrees: of either joint; PIP in rows.
-        apart: least distance of outlines by pair of parts, mm, squares; where they overlap it is
-            the negative sum of their roundings at most.
-        inside: least distance of every bar's outline from the inner sides of faces and ends, mm;
-            where it reaches out of the finger, that of the pin that is farthest out, negative.
-        assembled: in which postures the linkage closes.
+        degrees: angles of PIP and of DIP.
+        apart: least distance of outlines by pair of parts, mm. An array has one row where PIP does
+            not matter, and one column where DIP does not. Where bars overlap it is the negative sum
+            of their roundings at most; where parts without roundings do, the negative root of the
+            area that they share.
+        inside: least distance of the outlines of bars, camera and mirrors from the inner sides of
+            faces and ends, mm, squares; where one reaches out of the finger, that of its corner
+            that is farthest out, negative.
+        assembled: in which postures the linkage closes, a square.
     """
 
-    degrees: np.ndarray
+    degrees: tuple[np.ndarray, np.ndarray]
     apart: dict[tuple[str, str], np.ndarray]
     inside: dict[str, np.ndarray]
     assembled: np.ndarray
 
     @property
-    def least_apart(self) -> float:
-        """Least of all pairs and postures, mm."""
-        return float(min(np.min(one) for one in self.apart.values()))
+    def bars_apart(self) -> float:
+        """Least of all pairs with a bar and of all postures, mm."""
+        return min(float(np.min(each)) for (one, _), each in self.apart.items() if one in BARS)
 
     @property
-    def least_inside(self) -> float:
+    def bars_inside(self) -> float:
         """Least of all bars and postures, mm."""
-        return float(min(np.min(one) for one in self.inside.values()))
+        return min(float(np.min(each)) for one, each in self.inside.items() if one in BARS)
 
 
-def polygon_clearances(path: str | Path, steps: int = 91) -> PolygonClearances:
-    """Clearances of the finger of a file.
+def polygon_clearances(
+    path: str | Path, steps: int = 91, *, degrees: tuple[ArrayLike, ArrayLike] | None = None
+) -> PolygonClearances:
+    """Clearances of the finger of a file; of its linkage only where it has links.
 
     Args:
         path: of ``finger.toml``.
         steps: angles of each joint, from straight to the end of its range.
+        degrees: angles of PIP and of DIP instead of these.
     """
     tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    links, body = tables["links"], tables["body"]
-    degrees = np.linspace(0.0, body["range_deg"], steps)
-    pip, dip = (np.deg2rad(part).ravel() for part in np.meshgrid(degrees, degrees, indexing="ij"))
-    places = pin_places(tables, pip, dip)
-    ok = np.all([np.isfinite(place) for place in places.values()], axis=0)
-    radius, axle = links["bar_width"] / 2, links["axle_diameter"] / 2
-    hulls = {
-        bar: _hulls([places[pin] for pin in pins if pin in places])
-        for bar, pins in BARS.items()
-        if all(pin in places for pin in pins[:2])
+    body, shell = tables["body"], tables.get("links", {}).get("shell", 0.0)
+    given = degrees or tuple(np.linspace(0.0, end, steps) for end in joint_ranges(body))
+    pip_deg, dip_deg = (np.asarray(part, float) for part in given)
+    pip, dip = np.deg2rad(pip_deg)[:, None], np.deg2rad(dip_deg)[None, :]
+    # In the frame of the intermediate phalanx one joint alone moves each of the others.
+    frames = {
+        "proximal": (0.0, np.exp(1j * pip)),
+        "intermediate": (0.0, np.ones((1, 1), complex)),
+        "distal": (body["intermediate"], np.exp(-1j * dip)),
     }
-    points = {pin: shapely.points(places[pin].real, places[pin].imag) for pin in ("A", "B")}
-    square = (steps, steps)
-    apart = {}
+    faces, parts = palmar_faces(body, shell), middle_parts(tables)
+    placed = {
+        name: [[origin + turn * corner for corner in piece] for piece in pieces]
+        for name, (phalanx, pieces) in (faces | parts).items()
+        for origin, turn in [frames[phalanx]]
+    }
+    hulls = {name: [_hulls(piece) for piece in pieces] for name, pieces in placed.items()}
+    apart = {
+        (one, other): _between(hulls[one], hulls[other])
+        for group in (faces, parts)
+        for one, other in combinations(group, 2)
+    }
+    square = tuple(np.broadcast_arrays(pip, dip))
+    section, knuckle = _sections(body, *square, hand=False), np.exp(-1j * pip)
+    turned = {
+        name: [[corner * knuckle for corner in piece] for piece in pieces]
+        for name, pieces in placed.items()
+    }
+    inside = {
+        name: _inside(section, turned[name]) - shell for name in parts if not name.endswith("pad")
+    }
+    ok = np.ones(section.shape, bool)
+    if "links" in tables and "pins" in tables:
+        places = pin_places(tables, *square)
+        ok = np.all([np.isfinite(place) for place in places.values()], axis=0)
+        slabs = {face: _hulls(turned[face][0]) for face in faces}
+        between = _bars_apart(tables["links"], places, slabs)
+        apart |= {pair: np.where(ok, each, -np.inf) for pair, each in between.items()}
+        hand = _sections(body, *square, hand=True) if "motor" in tables else section
+        for bar, corners in _bars(places).items():
+            edge = _inside(hand if bar in ("driver", "coupler") else section, [corners])
+            edge -= tables["links"]["bar_width"] / 2 + shell
+            inside[bar] = np.where(ok, edge, -np.inf)
+    return PolygonClearances((pip_deg, dip_deg), apart, inside, ok)
+
+
+def _bars(places: Places) -> dict[str, list[Complex]]:
+    """Pins of the bars that the finger has."""
+    there = {bar: [places[pin] for pin in pins if pin in places] for bar, pins in BARS.items()}
+    return {bar: pins for bar, pins in there.items() if len(pins) > 1}
+
+
+def _bars_apart(
+    links: dict[str, Any], places: Places, slabs: dict[str, np.ndarray]
+) -> dict[tuple[str, str], np.ndarray]:
+    """Clearances of bars from each other, from axles and from palmar faces, mm."""
+    hulls = {bar: _hulls(corners) for bar, corners in _bars(places).items()}
+    radius, found = links["bar_width"] / 2, {}
     for one, other in meeting_parts(links, list(hulls)):
-        second, rounding = (hulls[other], radius) if other in hulls else (points[other], axle)
-        distance = shapely.distance(hulls[one], second) - radius - rounding
-        apart[one, other] = np.where(ok, distance, -np.inf).reshape(square)
-    inside = {}
-    sections = {hand: _sections(body, pip, dip, hand=hand) for hand in (False, True)}
+        if other in hulls:
+            distance = shapely.distance(hulls[one], hulls[other]) - radius
+        else:
+            distance = shapely.distance(hulls[one], _hulls([places[other]]))
+            distance -= links["axle_diameter" if other in "AB" else "pin_diameter"] / 2
+        found[one, other] = distance - radius
     for bar, hull in hulls.items():
-        section = sections[bar in ("driver", "coupler")]
-        within = shapely.distance(hull, shapely.boundary(section))
-        pins = [places[pin] for pin in BARS[bar] if pin in places]
-        beyond = [shapely.distance(shapely.points(at.real, at.imag), section) for at in pins]
-        edge = np.where(shapely.covers(section, hull), within, -np.max(beyond, axis=0))
-        inside[bar] = (np.where(ok, edge, -np.inf) - radius - links["shell"]).reshape(square)
-    return PolygonClearances(degrees, apart, inside, ok.reshape(square))
+        found |= {
+            (bar, face): shapely.distance(hull, slab) - radius for face, slab in slabs.items()
+        }
+    return found
+
+
+def _between(first: list[Any], second: list[Any]) -> np.ndarray:
+    """Least distance of any two pieces, or the negative root of the area that two share, mm."""
+    found = []
+    for one in first:
+        for other in second:
+            distance = shapely.distance(one, other)
+            shared = np.zeros_like(distance)
+            touch = distance == 0
+            if touch.any():
+                at, to = np.broadcast_arrays(one, other)
+                shared[touch] = shapely.area(shapely.intersection(at[touch], to[touch]))
+            found.append(distance - np.sqrt(shared))
+    return np.min(found, axis=0)
+
+
+def _inside(section: np.ndarray, pieces: list[list[Complex]]) -> np.ndarray:
+    """Least distance from a section's boundary; negative: of the corner farthest outside, mm."""
+    hulls, boundary = [_hulls(piece) for piece in pieces], shapely.boundary(section)
+    within = np.min([shapely.distance(hull, boundary) for hull in hulls], axis=0)
+    covered = np.all([shapely.covers(section, hull) for hull in hulls], axis=0)
+    beyond = [shapely.distance(_hulls([at]), section) for piece in pieces for at in piece]
+    return np.where(covered, within, -np.max(beyond, axis=0))
+
+
+def joint_ranges(body: dict[str, Any]) -> tuple[float, float]:
+    """Greatest flexion of PIP and DIP, degrees."""
+    pip, dip = np.broadcast_to(body["range_deg"], 2).tolist()
+    return pip, body.get("dip_range_deg", dip)
+
+
+def pad_gaps(body: dict[str, Any]) -> tuple[float, float]:
+    """From PIP and DIP axis to the pads and palmar faces beside it, mm.
+
+    Their ends keep half of the clearance from the plane that halves the bent joint.
+    """
+    down = body["axis_height"] + body.get("protrusion", 0.0)
+    half = body.get("pad_clearance", 0.0) / 2
+    turns = [math.radians(end) / 2 for end in joint_ranges(body)]
+    pip, dip = ((down * math.sin(turn) + half) / math.cos(turn) for turn in turns)
+    return pip, dip
+
+
+def palmar_faces(body: dict[str, Any], shell: float) -> dict[str, tuple[str, Pieces]]:
+    """Phalanges and outlines of the palmar faces, which end at the joints where the pads do."""
+    pip, dip = pad_gaps(body)
+    spans = ((-body["proximal"], -pip), (pip, body["intermediate"] - dip), (dip, body["distal"]))
+    low = -1j * body["axis_height"]
+    return {
+        f"palmar face of the {phalanx} phalanx": (
+            phalanx,
+            [[x + low + up for up in (0, 1j * shell) for x in span]],
+        )
+        for phalanx, span in zip(PHALANGES, spans, strict=True)
+    }
+
+
+def middle_parts(tables: dict[str, Any]) -> dict[str, tuple[str, Pieces]]:
+    """Phalanges and pieces of camera, mirrors and pads."""
+    body = tables["body"]
+    dorsal = body["thickness"] - body["axis_height"]
+    parts: dict[str, tuple[str, Pieces]] = {}
+    if "camera" in tables:
+        parts["camera"] = "intermediate", camera_pieces(tables["camera"], dorsal)
+    for mirror in tables.get("mirrors", ()):
+        start, end = (complex(x, dorsal - depth) for x, depth in (mirror["from"], mirror["to"]))
+        # The proximal mirror reflects on its left, the distal one on its right: to the pads.
+        behind = {"proximal": -1j, "distal": 1j}[mirror["phalanx"]] * (end - start)
+        mount = mirror.get("mount", MOUNT) * behind / abs(behind)
+        corners = [start, end, end + mount, start + mount]
+        parts[f"{mirror['phalanx']} mirror"] = mirror["phalanx"], [corners]
+    pads = pad_pieces(body, tables.get("pads", {}))
+    return parts | {f"{phalanx} pad": (phalanx, pieces) for phalanx, pieces in pads.items()}
+
+
+def camera_pieces(camera: dict[str, Any], dorsal: float) -> Pieces:
+    """The camera's opaque body: a box, or as it is sold a barrel on a board.
+
+    Raises:
+        ValueError: its body is that of a catalogue, which is not in the file.
+    """
+    if "model" in camera:
+        raise ValueError("camera: 'model' is a name; write the finger's file with its numbers")
+    boxes = [(-SETBACK, -camera.get("back", BACK), camera["width"])]
+    if (sold := camera.get("module")) is not None:
+        front, foot = sold["pupil_depth"], sold["pupil_depth"] - sold["lens_length"]
+        back = foot - sold["board_thickness"] - sold["connector_length"]
+        boxes = [(front, foot, sold["lens_diameter"]), (foot, back, sold["board"][0])]
+    pinhole = complex(camera["along"], dorsal - camera["depth"])
+    ahead = cmath.exp(1j * math.radians(camera["tilt_deg"] - 90))
+    return [
+        [
+            pinhole + ahead * complex(x, y)
+            for x, y in ((a, -w / 2), (b, -w / 2), (b, w / 2), (a, w / 2))
+        ]
+        for a, b, w in boxes
+    ]
+
+
+def pad_pieces(body: dict[str, Any], pads: dict[str, Any]) -> dict[str, Pieces]:
+    """Layers of every pad, from the membrane up; bare membranes are lines.
+
+    At a joint an edge of a layer reaches beyond the membrane by its share of what the plane that
+    halves the joint at its greatest flexion leaves, and half of the clearance in the straight one.
+    """
+    rim, half = body["rim"], body.get("pad_clearance", 0.0) / 2
+    gaps, turns = pad_gaps(body), [math.radians(end) / 2 for end in joint_ranges(body)]
+
+    def reach(end: int | None, layer: dict[str, Any], edge: int, level: float) -> float:
+        if end is None:
+            share = layer.get("outer_reach", (0.0, 0.0))[edge]
+            return share * max(rim - pads.get("wall", WALL), 0.0)
+        share = layer.get("reach", (0.0, 0.0))[edge]
+        return share * min(level * math.tan(turns[end]), max(gaps[end] - half, 0.0))
+
+    spans = {
+        "proximal": ((rim - body["proximal"], None), (-gaps[0], 0)),
+        "intermediate": ((gaps[0], 0), (body["intermediate"] - gaps[1], 1)),
+        "distal": ((gaps[1], 1), (body["distal"] - rim, None)),
+    }
+    membrane = -1j * (body["axis_height"] + body.get("protrusion", 0.0))
+    found: dict[str, Pieces] = {}
+    for phalanx, ((start, one), (end, other)) in spans.items():
+        level, found[phalanx] = 0.0, []
+        for layer in reversed(pads.get("layers", [])):
+            corners = []
+            for edge, at in enumerate((level, level + layer["thickness"])):
+                left, right = (reach(joint, layer, edge, at) for joint in (one, other))
+                corners += [start - left + 1j * at + membrane, end + right + 1j * at + membrane]
+            found[phalanx].append(corners)
+            level += layer["thickness"]
+        if level == 0:
+            found[phalanx] = [[start + membrane, end + membrane]]
+    return found
 
 
 def meeting_parts(links: dict[str, Any], bars: list[str]) -> list[tuple[str, str]]:
-    """Bars that lie in one layer, and bars in a layer that an axle crosses."""
+    """Bars that lie in one layer, and bars in a layer that a pin or an axle crosses."""
     layer = {part: number for number, parts in enumerate(links["layers"]) for part in parts}
     pairs = [
         (one, other)
         for one, other in combinations(bars, 2)
         if layer[one] == layer[other] and not set(BARS[one]) & set(BARS[other])
     ]
-    for axle in ("A", "B"):
-        low, high = sorted(layer[body] for body in CARRIERS[axle])
-        pairs += [(bar, axle) for bar in bars if low < layer[bar] < high]
+    present = {*PHALANGES, *bars}
+    for pin, bodies in CARRIERS.items():
+        if present.issuperset(bodies):
+            low, high = sorted(layer[body] for body in bodies)
+            pairs += [(bar, pin) for bar in bars if low < layer[bar] < high]
     return pairs
 
 
@@ -179,20 +376,18 @@ def _third(
 
 
 def _hulls(corners: list[Complex]) -> Any:
-    stacked = np.stack([np.stack([one.real, one.imag], axis=-1) for one in corners], axis=1)
+    stacked = np.stack([np.stack([one.real, one.imag], axis=-1) for one in corners], axis=-2)
     stacked = np.where(np.isfinite(stacked), stacked, 0.0)
     return shapely.convex_hull(shapely.multipoints(stacked))
 
 
-def _sections(
-    body: dict[str, float], pip: np.ndarray, dip: np.ndarray, *, hand: bool
-) -> np.ndarray:
+def _sections(body: dict[str, Any], pip: np.ndarray, dip: np.ndarray, *, hand: bool) -> np.ndarray:
     """The finger's section in every posture; with the hand behind it, between the same faces."""
     low, high = -body["axis_height"], body["thickness"] - body["axis_height"]
     rear = -(10 if hand else 1) * body["proximal"]
     spans = ((rear, 0.0), (0.0, body["intermediate"]), (0.0, body["distal"]))
     found = []
-    for first, second in zip(pip.tolist(), dip.tolist(), strict=True):
+    for first, second in zip(pip.ravel().tolist(), dip.ravel().tolist(), strict=True):
         turns = (1.0, cmath.exp(-1j * first), cmath.exp(-1j * (first + second)))
         origins = (0.0, 0.0, body["intermediate"] * turns[1])
         parts = []
@@ -206,7 +401,7 @@ def _sections(
                 parts.append(_polygon([origin, *arc]))
         # Grown a little, so that no slit is left where two of them share an edge.
         found.append(shapely.unary_union(shapely.buffer(parts, SEAM, join_style="mitre")))
-    return np.array(found)
+    return np.array(found).reshape(pip.shape)
 
 
 def _polygon(corners: list[complex]) -> shapely.Polygon:

@@ -342,7 +342,7 @@ def test_the_search_reaches_what_is_asked(tmp_path, given, driven, asked):
     write_finger(found, tmp_path / "finger.toml")
     clear = polygon_clearances(tmp_path / "finger.toml")
     assert clear.assembled.all()
-    assert min(clear.least_apart, clear.least_inside) >= spec.limits.clearance
+    assert min(clear.bars_apart, clear.bars_inside) >= spec.limits.clearance
 
 
 def assert_meets_requirements(pins, thickness, ratio, least_deg):

@@ -24,13 +24,20 @@ from optics.visibility.sharpness import find_sharpness
 from studies.models import Finger
 from studies.models.body import BodySpec
 from studies.models.finger import PHALANGES, Body
-from studies.models.finger_file import finger_tables, format_finger, packaged_finger, parse_finger
+from studies.models.finger_file import (
+    finger_tables,
+    format_finger,
+    packaged_finger,
+    parse_finger,
+    write_finger,
+)
 from studies.models.mirror_design.placement import reference_layout
 from studies.models.mirror_design.postures import find_worst_postures, lost_strips
 from studies.models.mirror_design.problem import clearances, dorsal_room
 from studies.models.mirror_design.spec import CameraSpec, MirrorSpec, PadsSpec
 from studies.models.pad_layers import PadLayers
 from studies.oracles import layers as oracle
+from studies.oracles.clearances import pad_pieces
 from studies.oracles.layered_scenes import posed_tables, read
 from tests.helpers import assert_same
 
@@ -89,6 +96,23 @@ def test_neighbours_layers_come_as_near_as_is_allowed_and_no_nearer(thickness, r
             for degrees in np.linspace(0, end, 41)
         ]
         assert min(apart) == pytest.approx(0.5, abs=1e-9)
+
+
+def test_the_oracle_reads_the_same_layers(tmp_path):
+    """Those of the scene and of `studies.oracles.clearances`, with all kinds of ends."""
+    made = finger((1.5, 1.0), range_deg=[88, 79], protrusion=0.3, pad_clearance=0.4, rim=2.0)
+    shares = np.random.default_rng(5).uniform(0, 1, (2, 2, 2))
+    layers = replace(made.layers, reach=shares[0], outer_reach=shares[1])
+    write_finger(replace(made, layers=layers), tmp_path / "finger.toml")
+    tables = tomllib.loads((tmp_path / "finger.toml").read_text())
+    pieces = pad_pieces(tables["body"], tables["pads"])
+    for phalanx, outline in zip(PHALANGES, outlines(replace(made, layers=layers)), strict=True):
+        along = 23.0 if phalanx == "distal" else 0.0
+        own = [
+            shapely.MultiPoint([(at.real + along, at.imag) for at in piece]).convex_hull
+            for piece in pieces[phalanx]
+        ]
+        assert outline.symmetric_difference(shapely.union_all(own)).area < 1e-9
 
 
 def test_gaps_are_those_of_the_formula():

@@ -5,6 +5,13 @@ a line as far from the axes O-A-B-T as the dorsal faces: over a joint it is an a
 (An argument of this project: the cheeks of the intermediate phalanx, which close the gap that
 flexion opens between the faces, as paper B's fins and its cloth do, end in such arcs.) On the back
 this section is convex, so a bar lies inside it where its pins do.
+
+On the palmar side it is not: of a bent joint the palmar faces, which end where the pads do
+(`finger.Body.gaps`), enclose a corner, and a bar with pins beside both phalanges may cut it. A bar
+with all pins beside one phalanx cannot. In the frame of this phalanx, a point of the neighbour's
+face that is x from the axis and t above the palmar plane is −x sin r − (h − t) cos r high when the
+joint is bent by r. That is at most t − h, as x is h tan r/2 or more (the least gap): the
+neighbour's face stays below the inner side of its own, from which its pins keep away.
 """
 
 from __future__ import annotations
@@ -17,9 +24,16 @@ from jaxtyping import Array, Float
 from designopt.vectors import Vector
 from kinematics.solve.clearance import find_separation
 from studies.models.finger import Body, Finger, links_of
-from studies.models.link_layers import Meeting
+from studies.models.link_layers import Meeting, find_meetings
 from studies.models.linkage_design.postures import Postures
-from studies.models.links import OUTLINES
+from studies.models.links import AXLES, OUTLINES
+from studies.models.pins import pin_name
+
+FACES = {"proximal": "OA", "intermediate": "AB", "distal": "BT"}
+"""The phalanges by the ends of their axes, which their palmar faces are parallel to."""
+
+BESIDE = {"rod": "A", "plate": "B"}
+"""Bars with pins beside both phalanges of a joint, and its axle."""
 
 HOSTS = {
     "F": "proximal",
@@ -37,8 +51,34 @@ intermediate one.)"""
 
 def name_of(meeting: Meeting) -> str:
     """What people read: the bar, and what it keeps from."""
-    axle = {"A": "the PIP axle", "B": "the DIP axle"}
-    return f"{meeting.first} from {axle.get(meeting.second, 'the ' + meeting.second)}"
+    known = {"A": "the PIP axle", "B": "the DIP axle"}
+    known |= {phalanx: f"the palmar face of the {phalanx} phalanx" for phalanx in FACES}
+    kind = "the " if meeting.second in OUTLINES else "pin "
+    return f"{meeting.first} from {known.get(meeting.second) or kind + pin_name(meeting.second)}"
+
+
+def find_face_meetings(finger: Finger) -> list[Meeting]:
+    """The bars beside a joint with all palmar faces, which are in every layer beside the pads."""
+    bodies = {body for names in finger.joined().values() for body in names}
+    return [Meeting(bar, phalanx) for bar in BESIDE if bar in bodies for phalanx in FACES]
+
+
+def find_free_meetings(finger: Finger) -> list[Meeting]:
+    """The parts that can meet and that nothing else keeps apart, which a search has to ask for.
+
+    A palmar face is not among them where an axle crosses the bar's layer and leaves no room for the
+    bar below it: in every posture the bar then passes the joint on the axle's dorsal side.
+
+    Args:
+        finger: with links; body and links are plain numbers.
+    """
+    links = links_of(finger)
+    found = find_meetings(links, finger.joined())
+    needed = float(links.axle_diameter) / 2 + float(links.bar_width) + float(links.shell)
+    room = float(finger.body.axis_height) - needed
+    held = {one for one in BESIDE.items() if room < 0} & {tuple(one) for one in found}
+    faces = find_face_meetings(finger)
+    return found + [one for one in faces if (one.first, BESIDE[one.first]) not in held]
 
 
 def find_clearances(
@@ -48,17 +88,38 @@ def find_clearances(
 
     Args:
         finger: with links.
-        places: of the pins, in one frame.
+        places: of the pins, in one frame; for palmar faces also of O, A, B and T.
         meetings: of parts whose pins have places.
     """
     links, found = links_of(finger), {}
     for one in meetings:
-        second, radius = OUTLINES.get(one.second), links.bar_width / 2
-        if second is None:
-            second, radius = one.second, links.axle_diameter / 2
-        between = find_separation(_corners(places, OUTLINES[one.first]), _corners(places, second))
+        if one.second in FACES:
+            second, radius = _face(places, one.second, finger), 0.0
+        elif one.second in OUTLINES:
+            second, radius = _corners(places, OUTLINES[one.second]), links.bar_width / 2
+        else:
+            diameter = links.axle_diameter if one.second in AXLES else links.pin_diameter
+            second, radius = _corners(places, one.second), diameter / 2
+        between = find_separation(_corners(places, OUTLINES[one.first]), second)
         found[name_of(one)] = between - links.bar_width / 2 - radius
     return found
+
+
+def _face(
+    places: Mapping[str, Vector], phalanx: str, finger: Finger
+) -> Float[Array, "*batch corners 2"]:
+    """Corners of a palmar face in their order around it; it ends at joints where the pad does."""
+    body, (pip, dip) = finger.body, finger.body.gaps
+    low, high = body.palmar, body.palmar + links_of(finger).shell
+    start, end = (places[name] for name in FACES[phalanx])
+    line = end - start
+    ahead = line.scaled(1 / line.length())
+    zero = jnp.zeros_like(pip)
+    gaps = {"proximal": (zero, pip), "intermediate": (pip, dip), "distal": (dip, zero)}[phalanx]
+    left, right = gaps[0], line.length() - gaps[1]
+    around = (left, low), (right, low), (right, high), (left, high)
+    corners = [start + ahead.scaled(x) + ahead.perpendicular().scaled(y) for x, y in around]
+    return jnp.stack([corner.stacked() for corner in corners], axis=-2)
 
 
 def _corners(places: Mapping[str, Vector], pins: str) -> Float[Array, "*batch corners 2"]:
@@ -81,6 +142,7 @@ def clearances_at(
     zero = jnp.zeros_like(finger.body.intermediate)
     axles = {"A": Vector(zero, zero), "B": Vector(finger.body.intermediate, zero)}
     inner = postures.inner | axles
+    outer = postures.outer | {"O": Vector(-finger.body.proximal, zero)}
     turned = {
         name: place[None].turned(knuckle[:, None])
         if place.x.ndim
@@ -89,11 +151,9 @@ def clearances_at(
     }
     rows, squares = [], []
     for one in meetings:
-        pins = OUTLINES[one.first] + OUTLINES.get(one.second, one.second)
+        pins = OUTLINES[one.first] + (OUTLINES | FACES).get(one.second, one.second)
         (rows if set(pins) <= set(inner) else squares).append(one)
-    return find_clearances(finger, inner, rows) | find_clearances(
-        finger, turned | postures.outer, squares
-    )
+    return find_clearances(finger, inner, rows) | find_clearances(finger, turned | outer, squares)
 
 
 def faces_of(place: Vector, host: str, body: Body) -> dict[str, Float[Array, "..."]]:

@@ -16,8 +16,13 @@ from kinematics.model.linkage import Linkage
 from kinematics.solve.poses import solve_poses
 from kinematics.solve.solver import Pose
 from studies.models.finger import Finger, links_of, pins_of
-from studies.models.link_layers import find_meetings
-from studies.models.linkage_design.clearances import HOSTS, faces_of, find_clearances
+from studies.models.linkage_design.clearances import (
+    HOSTS,
+    faces_of,
+    find_clearances,
+    find_face_meetings,
+    find_free_meetings,
+)
 from studies.models.linkage_design.forces import (
     find_held_force,
     find_pinch_forces,
@@ -243,6 +248,6 @@ def _strong(
 
 def _clear(finger: Finger, pose: Pose, limits: LimitsSpec) -> list[Check]:
     places = {"H" if name == pin_name("H") else name: at for name, at in pose.joints.items()}
-    meetings = find_meetings(links_of(finger), finger.joined())
+    meetings = dict.fromkeys([*find_free_meetings(finger), *find_face_meetings(finger)])
     found = jax.jit(find_clearances, static_argnums=2)(finger, places, tuple(meetings))
     return [Check(name, limits.clearance, float(jnp.min(each))) for name, each in found.items()]

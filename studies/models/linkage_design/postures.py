@@ -22,8 +22,8 @@ class Postures(eqx.Module):
     """A design in the postures of a grid; what DIP alone decides is a row, the rest a square.
 
     Attributes:
-        inner: C, D and H relative to A in the intermediate phalanx's frame, mm, rows; and G, which
-            does not move there.
+        inner: C, D, H and the finger tip T relative to A in the intermediate phalanx's frame, mm,
+            rows; and G, which does not move there.
         distal_c: C relative to B in the distal phalanx's frame, mm; it does not move there.
         outer: E in the proximal phalanx's frame, mm, a square, and F, which does not move there;
             with a motor's parallelogram also K and N, squares, and M, which does not move there.
@@ -109,8 +109,9 @@ def postures_at(finger: Finger, knuckle: Vector, flexion: Vector) -> Postures:
         outer |= {"K": at["F"] + arm_k, "N": axis + arm_k, "M": axis}
     phalanx, bar_line = (b, c_out), (g, h_out)
     rod_line = (d_out, e)
+    tip = axis_b + Vector(finger.body.distal, jnp.zeros_like(length)).turned(flexion)
     return Postures(
-        inner={"C": c, "D": d, "G": at["G"], "H": h},
+        inner={"C": c, "D": d, "G": at["G"], "H": h, "T": tip},
         distal_c=distal_c,
         outer=outer,
         reach=(reach, square_reach),

@@ -18,11 +18,12 @@ from designopt.io.spec import Spec
 from designopt.optimize import Evaluation, Problem, Requirement
 from designopt.vectors import Vector, rotation, vector
 from studies.models.finger import Body, Finger, links_of, pins_of, spring_of
-from studies.models.link_layers import Meeting, find_meetings
+from studies.models.link_layers import Meeting
 from studies.models.linkage_design.clearances import (
     HOSTS,
     clearances_at,
     faces_of,
+    find_free_meetings,
     name_of,
 )
 from studies.models.linkage_design.postures import Postures, postures_at
@@ -185,7 +186,7 @@ def linkage_problem(
         the requirements' names, and `Asked` and the turns of the postures as its data.
     """
     if meetings is None:
-        meetings = find_meetings(links_of(finger), finger.joined())
+        meetings = find_free_meetings(finger)
     blank = replace(finger, pins=None, camera=None, mirrors=(), layers=None, assembly=None)
     ends = ends_of(finger.body)
     asked = Asked(blank, limits, motor, jnp.asarray(allowance), ends)
@@ -323,7 +324,7 @@ def _requirements(
     for name in HOSTS:
         for side in ("palmar face", "dorsal face", "rear end", "tip"):
             lengths.append(f"pin {pin_name(name)} inside the {side}")
-    lengths += map(name_of, find_meetings(links_of(finger), finger.joined()))
+    lengths += map(name_of, find_free_meetings(finger))
     ratios = ["crank closing with PIP", "crank closing with DIP", "plate turning with DIP", "φ₂/φ₁"]
     amounts = dict.fromkeys(lengths, ("mm", LENGTH)) | dict.fromkeys(ratios, ("", 1.0))
     amounts |= dict.fromkeys(SYMBOLS.values(), ("°", float(np.rad2deg(ANGLE))))

@@ -31,9 +31,9 @@ from designopt.optimize import (
     select_starts,
 )
 from designopt.vectors import rotation
-from studies.models.finger import Body, Finger, FingerMotor, FingerSpring, links_of, pins_of
-from studies.models.link_layers import Links, Meeting, find_meetings
-from studies.models.linkage_design.clearances import clearances_at, name_of
+from studies.models.finger import Body, Finger, FingerMotor, FingerSpring, pins_of
+from studies.models.link_layers import Links, Meeting
+from studies.models.linkage_design.clearances import clearances_at, find_free_meetings, name_of
 from studies.models.linkage_design.judging import STEP_DEG
 from studies.models.linkage_design.postures import postures_at
 from studies.models.linkage_design.problem import (
@@ -239,7 +239,7 @@ def _near_meetings(
     finger: Finger, spec: FingerLinkageSpec, grids: tuple[Angles, Angles], starts: Pins
 ) -> list[Meeting]:
     """The parts that come near each other at any of the starts."""
-    meetings = find_meetings(links_of(finger), finger.joined())
+    meetings = find_free_meetings(finger)
     turns = [rotation(-jnp.asarray(angles)) for angles in grids]
 
     @jax.jit
