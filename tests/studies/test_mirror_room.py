@@ -22,7 +22,7 @@ from optics.scene.camera_module import CameraModule
 from optics.scene.writer import scene_tables
 from studies.models.body import BodySpec
 from studies.models.checks import Check, requirement_rows
-from studies.models.finger import Body, Finger, camera_of
+from studies.models.finger import Body, Finger, Phalanx, camera_of
 from studies.models.finger_file import format_finger, packaged_finger, parse_finger
 from studies.models.mirror_design import problem, requirements
 from studies.models.mirror_design.clearances import clearance_checks, find_clearances
@@ -36,7 +36,8 @@ from studies.models.mirror_design.yields import groups, share_of
 from studies.models.pad_layers import PadLayers
 
 BARE = Finger.of(Body.of(BodySpec()))
-CARRIERS = [[], ["distal"], ["proximal"], ["distal", "proximal", "distal"]]
+THREE: list[Phalanx] = ["distal", "proximal", "distal"]
+CARRIERS = [[], ["distal"], ["proximal"], THREE]
 
 
 @pytest.mark.parametrize("phalanges", CARRIERS)
@@ -49,7 +50,7 @@ def test_rays_see_the_same_by_any_number_of_mirrors(phalanges):
 
 
 def test_several_mirrors_of_a_phalanx_have_names_of_their_own():
-    made = reference_layout(BARE, CameraSpec(), ["distal", "proximal", "distal"])
+    made = reference_layout(BARE, CameraSpec(), THREE)
     tables = scene_tables(made.scene())
     assert [one["name"] for one in tables["mirrors"]] == ["distal", "proximal", "distal 2"]
     # They share the one mirror's line, 2 mm apart.
@@ -81,14 +82,13 @@ def test_the_problem_is_as_large_as_its_mirrors(phalanges):
     assert sum(map(len, parts)) == 3 + 2 * count
     assert len(no_multipliers(task)["clearance"]) == len(find_clearances(poor))
     moved = perturb(poor, jnp.full(3 + 2 * count, 0.1))
-    assert float(moved.camera.along - poor.camera.along) == pytest.approx(0.1)
+    assert float(camera_of(moved).along - camera_of(poor).along) == pytest.approx(0.1)
 
 
 def layered(reach=1.0, **body: Any) -> Finger:
     """The reference layout with a second distal mirror; layers, and a camera with a module."""
     given = BodySpec.model_validate({"pad_clearance": 0.5, "range_deg": [90, 80]} | body)
-    body, hosts = Finger.of(Body.of(given)), ["distal", "proximal", "distal"]
-    made = reference_layout(body, CameraSpec(fov_deg=150), hosts, 1.3)
+    made = reference_layout(Finger.of(Body.of(given)), CameraSpec(fov_deg=150), THREE, 1.3)
     module = CameraModule(5.0, 3.0, 0.3, np.array([8.0, 8.0]), 1.0, 0.5)
     camera = replace(camera_of(made), module=module, depth=camera_of(made).depth + 2)
     made = replace(made, camera=camera)

@@ -144,7 +144,7 @@ def test_a_module_is_a_part_of_the_scene():
     turn = np.exp(1j * math.radians(-90 - 6.3))
     places = complex(15.75, 21.0 - 5.5) + turn * np.array(corners)
     assert float(dorsal_room(made)) == pytest.approx(21.0 - places.imag.max(), abs=1e-12)
-    barrel, board = made.camera_boxes() @ np.array([1, 1j])
+    barrel, board = np.asarray(made.camera_boxes()) @ np.array([1, 1j])
     # Of the barrel the end that is hidden in the board, too.
     np.testing.assert_allclose(sorted(board, key=np.angle), sorted(places[2:], key=np.angle))
     np.testing.assert_allclose(sorted(barrel[:4], key=np.imag)[:2], sorted(places[:2], key=np.imag))

@@ -143,7 +143,7 @@ def bounds(finger: Finger, spec: MirrorSpec) -> tuple[Placement, Placement]:
         The least and the greatest placement, mm and rad.
     """
     body, clear, over = finger.body, spec.room.clearance, spec.room.overhang
-    half, phalanges = spec.camera.width / 2, [mirror.phalanx for mirror in finger.mirrors]
+    half, phalanges = spec.camera.width / 2, tuple(mirror.phalanx for mirror in finger.mirrors)
     low, room = clear, body.thickness + body.protrusion
     if finger.layers is not None:
         room = room - jnp.sum(finger.layers.thickness)
