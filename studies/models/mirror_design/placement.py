@@ -60,6 +60,11 @@ def with_layout(
     return replace(finger, camera=FingerCamera.of(lens, *place), mirrors=tuple(mirrors))
 
 
+def hosts(finger: Finger) -> tuple[Phalanx, ...]:
+    """What carries each mirror."""
+    return tuple(mirror.phalanx for mirror in finger.mirrors)
+
+
 def _rank(phalanges: Sequence[Phalanx], number: int) -> tuple[int, int]:
     """Of a mirror among those of its phalanx, and how many these are."""
     host = phalanges[number]
@@ -143,7 +148,7 @@ def bounds(finger: Finger, spec: MirrorSpec) -> tuple[Placement, Placement]:
         The least and the greatest placement, mm and rad.
     """
     body, clear, over = finger.body, spec.room.clearance, spec.room.overhang
-    half, phalanges = spec.camera.width / 2, tuple(mirror.phalanx for mirror in finger.mirrors)
+    half, phalanges = spec.camera.width / 2, hosts(finger)
     low, room = clear, body.thickness + body.protrusion
     if finger.layers is not None:
         room = room - jnp.sum(finger.layers.thickness)
