@@ -25,7 +25,7 @@ def find_separation(
     iteration, and its slope is that of the corner and the edge that decide.
 
     Args:
-        first: corners of one hull, one to three.
+        first: corners of one hull, one after the other if these are more than three.
         second: of the other; the batches broadcast.
 
     Source: C. Ericson, *Real-Time Collision Detection* (2005), chapters 5.1.2 and 5.2.1.

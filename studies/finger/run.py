@@ -26,7 +26,15 @@ from kinematics.io.sketch_geometry import measure_sketch
 from studies.finger import FingerSpec, SpringSpec
 from studies.finger.bench import FingerBench
 from studies.finger.kind import FINGER
-from studies.models.finger import PHALANGES, Finger, FingerSpring, camera_of, spring_of
+from studies.models.checks import Check
+from studies.models.finger import (
+    PHALANGES,
+    Finger,
+    FingerSpring,
+    camera_of,
+    mirror_names,
+    spring_of,
+)
 from studies.models.finger_file import packaged_or_designed, read_finger
 from studies.models.grasp.analysis import Analysis, GraspCheck, analyze, summary
 from studies.models.grasp.figures import draw_sequences
@@ -37,6 +45,13 @@ from studies.models.linkage_design.tables import add_tables
 from studies.models.mirror_design.design import MirrorDesign, design_mirrors
 from studies.models.mirror_design.figures import draw_views, drawn_postures
 from studies.models.mirror_design.judging import percent_at_least
+from studies.models.mirror_design.requirements import (
+    COVERAGE,
+    SHARPNESS,
+    SPARE,
+    add_requirements,
+    optical_checks,
+)
 from studies.models.mirror_design.yields import Yield, monte_carlo
 from studies.models.spec_files import finger_files
 from studies.models.words import words_of
@@ -49,6 +64,17 @@ SHORT_DEG = 2.0
 
 DECIDING = {"body", "linkage", "mirrors"}
 """The settings on which linkage and mirrors depend."""
+
+OPTICAL = {
+    "yield": "yield with errors of assembly",
+    "blur": "largest blur spot",
+    "transmission": "light through layers",
+    "membrane": "membranes together",
+}
+"""Requirements on the optics that have lines of their own, and what these are called."""
+
+WORDS = ("studies.finger", "studies.models.linkage_design", "studies.models.mirror_design")
+"""Packages that have the words of the report."""
 
 MIRROR, CAMERA = PALETTE[4], PALETTE[1]
 
@@ -81,13 +107,14 @@ def run(spec: FingerSpec, context: Context) -> Results:
         UserError: another float type than float64.
     """
     context.require_float64("finger solves its requirements to 1e-8")
-    out = Report(spec, words_of("studies.finger", "studies.models.linkage_design"))
+    out = Report(spec, words_of(*WORDS))
     found = find(spec, context)
     lines = requirements(spec, found)
     add_metrics(out, found, lines)
     add_findings(out, spec, found, lines)
     out.table("table_3_1", lines)
     out.table("dimensions", dimensions(found.finger))
+    add_requirements(out, found.mirrors, found.share, spec.mirrors)
     add_tables(out, spec.linkage.limits, found.linkage)
     out.figure("drawing", draw_section(found.finger), most=4)
     verdict = found.mirrors.verdict
@@ -180,6 +207,16 @@ def requirements(spec: FingerSpec, found: FingerDesign) -> Records:
     line("sensing segments visible", "Tactile sensing", asked, parts, seen == 1.0)
     asked = f"≥ {floor:g} px/mm"
     line("resolution of the pads", "this project", asked, f"{sharp:.2f} px/mm", sharp >= floor)
+    checks = optical_checks(found.finger, found.mirrors.verdict, found.share, spec.mirrors)
+    others = [one for one in checks if one.name not in (COVERAGE, SHARPNESS)]
+    for check in others:
+        if check.name in OPTICAL:
+            line(OPTICAL[check.name], "this project", *in_words(check), check.met)
+    rooms = [one for one in others if one.name not in OPTICAL and not one.name.startswith(SPARE)]
+    amounts = [f"{one.name} {one.achieved:.3g} mm" for one in rooms if not one.met]
+    asked, kept = f"≥ {spec.mirrors.room.clearance:g} mm, camera inside", "every clearance kept"
+    reached = "; ".join(amounts) or kept
+    line("clearance of mirrors, mounts and camera", "this project", asked, reached, not amounts)
     asked, least = f"> {limits.transmission_deg:g}°", linkage.least_deg
     met = least > limits.transmission_deg
     line("transmission angles", "Transmission", asked, f"{least:.2f}°", met)
@@ -206,6 +243,12 @@ def requirements(spec: FingerSpec, found: FingerDesign) -> Records:
     return lines
 
 
+def in_words(check: Check) -> tuple[str, str]:
+    """A requirement and what is achieved."""
+    sign, unit = "≥" if check.at_least else "≤", f" {check.unit}".rstrip()
+    return f"{sign} {check.required:g}{unit}", f"{check.achieved:.4g}{unit}"
+
+
 def degrees_of_freedom(finger: Finger) -> int:
     """Kutzbach's count of the linkage: 3 (L − 1) − 2 J."""
     sketch = parse_sketch(finger.linkage_tables(), "finger")
@@ -226,12 +269,17 @@ def dimensions(finger: Finger) -> Records:
         (camera, "y", y, "mm"),
         (camera, "optical axis from straight down, counter-clockwise", tilt, "°"),
     ]
-    distal, proximal = np.asarray(scene.mirrors)
-    middle = np.array([float(body.intermediate), 0.0])
-    for name, ends, origin in (("proximal", proximal, "A"), ("distal", distal - middle, "B")):
+    dorsal = float(body.dorsal)
+    names = mirror_names([mirror.phalanx for mirror in finger.mirrors])
+    for name, mirror in zip(names, finger.mirrors, strict=True):
+        origin = "A" if mirror.phalanx == "proximal" else "B"
         part = f"{name} mirror, from {origin} in its phalanx"
-        for end, place in zip(("near", "far"), ends, strict=True):
-            rows += [(part, f"{end} end, {axis}", place["xy".index(axis)], "mm") for axis in "xy"]
+        for end, (along, depth) in zip(("near", "far"), mirror.ends.tolist(), strict=True):
+            rows += [
+                (part, f"{end} end, x", along, "mm"),
+                (part, f"{end} end, y", dorsal - depth, "mm"),
+            ]
+        rows.append((part, "mount behind it", float(mirror.mount), "mm"))
     for name, unit in (("stiffness", "N mm/rad"), ("preload", "rad")):
         part = "spring between distal phalanx and plate"
         rows.append((part, name, getattr(spring, name), unit))

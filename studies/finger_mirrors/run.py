@@ -20,14 +20,16 @@ from optics.scene.designed import DesignedScene
 from studies.finger_mirrors import solvers
 from studies.models.body import BodySpec
 from studies.models.designed import designed_scene
-from studies.models.finger import PHALANGES, Body, Finger, camera_of
+from studies.models.finger import PHALANGES, Body, Finger, camera_of, mirror_names
 from studies.models.finger_file import packaged_or_designed
 from studies.models.mirror_design import errors, figures, judging
 from studies.models.mirror_design.design import MirrorDesign, design_mirrors
 from studies.models.mirror_design.placement import poor_layout, reference_layout
+from studies.models.mirror_design.requirements import add_requirements
 from studies.models.mirror_design.spec import FingerMirrorsSpec, MirrorSpec
 from studies.models.mirror_design.yields import Sensitivity, Yield, monte_carlo, sensitivity
 from studies.models.spec_files import scene_file
+from studies.models.words import words_of
 
 START, OPTIMUM, GIVEN, THIN = "start", "optimum", "reference layout", "thin"
 
@@ -58,7 +60,7 @@ class Case(NamedTuple):
 
     @property
     def mirror_mm(self) -> float:
-        """Length of both mirrors together."""
+        """Length of all mirrors together."""
         return float(sum(mirror.length for mirror in self.finger.mirrors))
 
     @property
@@ -98,10 +100,11 @@ def run(spec: FingerMirrorsSpec, context: Context) -> Results:
         UserError: another float type than float64.
     """
     context.require_float64("finger-mirrors takes no more than 1e-9 of a pad for rounding")
-    out = Report(spec, package=__package__)
+    out = Report(spec, words_of("studies.finger_mirrors", "studies.models.mirror_design"))
     found = find(spec, context)
     add_metrics(out, spec, found)
     add_findings(out, spec, found)
+    add_requirements(out, found.design, found.cases[OPTIMUM].share, spec)
     add_tables(out, spec, found)
     add_figures(out, found)
     out.file(scene_file(found.design.finger))
@@ -144,9 +147,10 @@ def find(spec: FingerMirrorsSpec, context: Context) -> JudgedMirrors:
     """Everything that is measured."""
     finger = bare_finger(spec)
     found = design_mirrors(finger, spec, context)
-    layouts = {START: poor_layout(finger, spec.camera), OPTIMUM: found.finger}
+    start = poor_layout(finger, spec.camera, spec.phalanges, spec.room.mount)
+    layouts = {START: start, OPTIMUM: found.finger}
     if spec.body == BodySpec():
-        layouts[GIVEN] = reference_layout(finger, spec.camera)
+        layouts[GIVEN] = reference_layout(finger, spec.camera, mount=spec.room.mount)
     if spec.thin:
         body = Body.of(spec.body.model_copy(update={"thickness": spec.thin}))
         settings = spec.model_dump(include=set(MirrorSpec.model_fields))
@@ -274,11 +278,7 @@ def add_findings(out: Report, spec: FingerMirrorsSpec, found: JudgedMirrors) -> 
 
 def add_tables(out: Report, spec: FingerMirrorsSpec, found: JudgedMirrors) -> None:
     """Where camera and mirrors are, what that is worth, degrees, starts, single errors, rays."""
-    places = {case.name: _numbers(case.finger) for case in found.cases.values()}
-    names = ["camera_x_mm", "camera_y_mm", "camera_tilt_deg"]
-    for mirror in ("distal", "proximal"):
-        names += [f"{mirror}_{end}_{axis}_mm" for end in ("near", "far") for axis in "xy"]
-    out.table("arrangements", number=list(map(heading, names)), **places)
+    out.table("arrangements", arrangements(found.cases))
     verdicts = Records()
     for case in found.cases.values():
         verdicts.add(
@@ -318,12 +318,15 @@ def add_tables(out: Report, spec: FingerMirrorsSpec, found: JudgedMirrors) -> No
             seconds=trial.seconds,
         )
     out.table("starts", starts)
-    tilts = ["tilt" in name for name in errors.NAMES]
-    sizes = errors.deviations(spec.tolerances) * np.where(tilts, math.degrees(1), 1)
+    names = names_of_errors(made.finger)
+    tilts = ["tilt" in name for name in names]
+    sizes = errors.deviations(spec.tolerances, len(made.finger.mirrors)) * np.where(
+        tilts, math.degrees(1), 1
+    )
     least, greatest = found.sensitivity.limits.T
     out.table(
         "tolerances",
-        error=errors.NAMES,
+        error=names,
         unit=["°" if tilt else "mm" for tilt in tilts],
         standard_deviation=sizes,
         least=least * sizes,
@@ -346,13 +349,33 @@ def worst_rows(verdict: judging.Verdict) -> Records:
     return rows
 
 
-def _numbers(finger: Finger) -> list[float]:
+def names_of_errors(finger: Finger) -> tuple[str, ...]:
+    """What the entries of a row of its errors are."""
+    return errors.error_names(mirror_names([mirror.phalanx for mirror in finger.mirrors]))
+
+
+def arrangements(cases: dict[str, Case]) -> Records:
+    """Where camera and mirrors are, in columns; those of other mirrors are left empty."""
+    places = {case.name: _numbers(case.finger) for case in cases.values()}
+    names = list(dict.fromkeys(name for place in places.values() for name in place))
+    columns = {key: [place.get(name, math.nan) for name in names] for key, place in places.items()}
+    return Records({"number": list(map(heading, names)), **columns})
+
+
+def _numbers(finger: Finger) -> dict[str, float]:
     """Heights above the axes, for they are what a drawing shows."""
     dorsal, camera = float(finger.body.dorsal), camera_of(finger)
-    ends = np.stack([np.asarray(mirror.ends) for mirror in finger.mirrors])
-    ends[..., 1] = dorsal - ends[..., 1]
-    place = [float(camera.along), dorsal - float(camera.depth), math.degrees(float(camera.tilt))]
-    return [*place, *ends.ravel().tolist()]
+    found = {
+        "camera_x_mm": float(camera.along),
+        "camera_y_mm": dorsal - float(camera.depth),
+        "camera_tilt_deg": math.degrees(float(camera.tilt)),
+    }
+    names = mirror_names([mirror.phalanx for mirror in finger.mirrors])
+    for name, mirror in zip(names, finger.mirrors, strict=True):
+        for end, (along, depth) in zip(("near", "far"), mirror.ends.tolist(), strict=True):
+            mirror_end = f"{name.replace(' ', '_')}_{end}"
+            found |= {f"{mirror_end}_x_mm": along, f"{mirror_end}_y_mm": dorsal - depth}
+    return found
 
 
 def add_figures(out: Report, found: JudgedMirrors) -> None:
@@ -368,4 +391,6 @@ def add_figures(out: Report, found: JudgedMirrors) -> None:
     out.figure("resolution", figures.draw_resolution(scenes))
     shares = {one.name: one.share for key, one in found.cases.items() if key != START}
     out.figure("yield", figures.draw_yield(shares, degrees), most=2)
-    out.figure("sensitivity", figures.draw_sensitivity(found.sensitivity))
+    out.figure(
+        "sensitivity", figures.draw_sensitivity(found.sensitivity, names_of_errors(after.finger))
+    )

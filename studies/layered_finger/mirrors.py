@@ -27,7 +27,7 @@ from studies.models.mirror_design.placement import (
     reference_layout,
     scale,
 )
-from studies.models.mirror_design.problem import CLEARANCE_SCALE, clearances
+from studies.models.mirror_design.problem import CLEARANCE_SCALE
 from studies.models.mirror_design.seeing import together
 from studies.models.mirror_design.spec import MirrorSpec
 
@@ -74,12 +74,23 @@ def placed(finger: Finger, scene: Scene) -> Scene:
     return replace(scene, camera=camera, mirrors=own.mirrors, blockers=own.blockers)
 
 
+def beside_camera(finger: Finger) -> Float[Array, "2"]:
+    """Room between the camera's body and the near ends of the proximal and distal mirror, mm.
+
+    Measured along x in the straight finger. Flexion only turns these ends away: a place (x, y)
+    with y > 0 of the proximal phalanx goes towards −x, of the distal one towards +x.
+    """
+    body, (distal, proximal) = finger.camera_corners()[:, 0], finger.mirrors
+    near = distal.ends[0, 0] + finger.body.intermediate
+    return jnp.stack([jnp.min(body) - proximal.ends[0, 0], near - jnp.max(body)])
+
+
 def terms(placement: Placement, task: Task) -> Evaluation:
     """Soft minimum over postures of what is hidden, summed over pads; and clearances."""
     finger = eqx.combine(placement, task.finger)
     seen = find_coverage(placed(finger, task.scene), task.poses).value
     hidden = task.temperature * jax.nn.logsumexp((1 - seen) / task.temperature, axis=0)
-    room = clearances(finger) - MirrorSpec().room.clearance
+    room = beside_camera(finger) - MirrorSpec().room.clearance
     inequalities = {"clearance": room / CLEARANCE_SCALE}
     return Evaluation(objective=jnp.sum(hidden) / PART, inequalities=inequalities)
 

@@ -39,6 +39,13 @@ PHALANGES: tuple[Phalanx, ...] = ("proximal", "intermediate", "distal")
 
 DRIVES: tuple[Drive, Drive] = ("joints", "crank")
 
+SIDES: dict[Phalanx, int] = {"proximal": 1, "distal": -1}
+"""The reflecting side of the mirrors of a phalanx from their first end to their second: 1 is left,
+-1 right. Both look at the pads."""
+
+MOUNT = 1.0
+"""Thickness of a mirror's glass and backing, mm: an assumption of this project."""
+
 SETBACK = 0.5
 """The front of the camera's opaque body lies so far behind the pinhole, mm."""
 
@@ -260,22 +267,53 @@ class FingerCamera(eqx.Module):
 
 
 class FingerMirror(eqx.Module):
-    """A straight mirror in the proximal or the distal phalanx; it is named after it.
+    """A straight mirror in the proximal or the distal phalanx; see `mirror_names`.
+
+    It reflects on its palmar side; on its dorsal side is its mount, which hides nothing that the
+    mirror does not hide itself.
 
     Attributes:
         ends: each (along, depth): from the phalanx's own joint axis towards the tip, and below the
             dorsal face, mm; the end near the axis first.
         phalanx: that carries it.
+        mount: thickness of glass and backing behind the reflecting line, mm.
     """
 
     ends: Float[Array, "*batch 2 2"] = eqx.field(converter=as_float)
     phalanx: Phalanx = eqx.field(static=True)
+    mount: Number = eqx.field(default=MOUNT, converter=as_float)
 
     @property
     def length(self) -> Number:
         """From end to end, mm."""
         step = self.ends[..., 1, :] - self.ends[..., 0, :]
         return jnp.sqrt(jnp.sum(step * step, axis=-1))
+
+    @property
+    def corners(self) -> Float[Array, "*batch 4 2"]:
+        """Corners of mirror and mount, one after the other, each (along, depth), mm.
+
+        First the ends, then the corners behind the far and the near one.
+        """
+        near, far = self.ends[..., 0, :], self.ends[..., 1, :]
+        step = (far - near) / self.length[..., None]
+        # Depths grow downwards; the distal mirror's ends lie towards the tip, the other's do not.
+        normal = jnp.stack([step[..., 1], -step[..., 0]], axis=-1) * -SIDES[self.phalanx]
+        back = self.mount[..., None] * normal
+        return jnp.stack([near, far, far + back, near + back], axis=-2)
+
+
+def mirror_names(phalanges: Sequence[Phalanx]) -> tuple[str, ...]:
+    """Names of the mirrors of these phalanges, in scenes, tables and figures.
+
+    Example:
+        >>> mirror_names(["distal", "proximal", "distal"])
+        ('distal', 'proximal', 'distal 2')
+    """
+    counts = [list(phalanges[:i]).count(one) for i, one in enumerate(phalanges)]
+    return tuple(
+        f"{one} {count + 1}" if count else one for one, count in zip(phalanges, counts, strict=True)
+    )
 
 
 class Finger(eqx.Module):
@@ -290,7 +328,7 @@ class Finger(eqx.Module):
         pins: of the linkage; ``None`` where the finger has none.
         spring: ``None`` where the finger has none.
         camera: ``None`` where the finger sees nothing.
-        mirrors: in order.
+        mirrors: in order; several may be on one phalanx.
         links: widths and layers of the linkage's links; ``None`` where they are lines.
         motor: and the parallelogram through which it turns the crank; ``None`` where the motor
             turns the crank itself.
@@ -421,6 +459,21 @@ class Finger(eqx.Module):
             return self._camera_lines(SETBACK, camera.back).reshape(-1, 2)
         sold = camera.at(self.body.dorsal)
         return camera.module.outline(sold.position, sold.direction).reshape(-1, 2)
+
+    def camera_boxes(self) -> Float[Array, "boxes 4 2"]:
+        """The same body as convex boxes, each with its corners one after the other, mm.
+
+        Raises:
+            UserError: the finger has no camera.
+        """
+        camera = camera_of(self)
+        if camera.module is None:
+            front, back = self._camera_lines(SETBACK, camera.back)
+            return jnp.concatenate([front, back[::-1]])[None]
+        sold = camera.at(self.body.dorsal)
+        lines = camera.module.outline(sold.position, sold.direction)
+        sides = jnp.stack([lines[:2], lines[3:5]])
+        return jnp.concatenate([sides[:, 0], sides[:, 1, ::-1]], axis=1)
 
     def _camera_lines(self, *behind: Number | float) -> Float[Array, "lines 2 2"]:
         """Lines across the camera's body so far behind the pinhole, mm."""
@@ -592,7 +645,6 @@ def _layout(
 ) -> Layout:
     proximal, distal = 0, 1
     frame_of = {"proximal": proximal, "intermediate": WORLD, "distal": distal}
-    side_of = {"proximal": 1, "distal": -1}
     hosts: dict[str, Phalanx] = {
         "camera body": "intermediate",
         "proximal shell": "proximal",
@@ -605,7 +657,10 @@ def _layout(
         del hosts["camera body"]
     return Layout(
         name=name,
-        mirrors=tuple(Surface(one, side_of[one], frame_of[one]) for one in phalanges),
+        mirrors=tuple(
+            Surface(name, SIDES[one], frame_of[one])
+            for name, one in zip(mirror_names(phalanges), phalanges, strict=True)
+        ),
         curved=(),
         pads=tuple(Surface(one, 1, frame) for one, frame in frame_of.items()),
         blockers=tuple(Surface(one, 0, frame_of[host]) for one, host in hosts.items()),

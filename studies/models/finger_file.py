@@ -33,6 +33,7 @@ from optics.scene.reading import build_camera
 from optics.scene.writer import camera_table
 from studies.models.body import BodyTable
 from studies.models.finger import (
+    MOUNT,
     Body,
     Finger,
     FingerCamera,
@@ -150,6 +151,7 @@ class MirrorTable(Spec):
     phalanx: Literal["proximal", "distal"]
     start: Point = Field(alias="from")
     end: Point = Field(alias="to")
+    mount: Annotated[Number, Field(ge=0)] = MOUNT
 
 
 class FingerFile(Spec):
@@ -164,14 +166,6 @@ class FingerFile(Spec):
     camera: CameraTable | None = None
     pads: PadsTable | None = None
     mirrors: tuple[MirrorTable, ...] = ()
-
-    @model_validator(mode="after")
-    def _one_mirror_each(self) -> FingerFile:
-        hosts = [mirror.phalanx for mirror in self.mirrors]
-        for host in hosts:
-            if hosts.count(host) > 1:
-                raise ValueError(f"mirrors: {hosts.count(host)} are {host}; a phalanx has one")
-        return self
 
 
 def read_finger(path: str | Path) -> Finger:
@@ -247,7 +241,10 @@ def parse_finger(tables: dict[str, Any], source: str, name: str = "finger") -> F
         pins and Pins.of(pins),
         spring and FingerSpring(**spring.model_dump()),
         camera and FingerCamera.of(camera, camera.along, camera.depth, camera.tilt_deg),
-        [FingerMirror(np.array([part.start, part.end]), part.phalanx) for part in file.mirrors],
+        [
+            FingerMirror(np.array([part.start, part.end]), part.phalanx, part.mount)
+            for part in file.mirrors
+        ],
         file.links and Links.of(file.links),
         file.motor and FingerMotor(**file.motor.model_dump()),
         file.pads and file.pads.made(),
@@ -278,7 +275,8 @@ def finger_tables(finger: Finger) -> dict[str, Any]:
         tables["mirrors"] = []
         for mirror in finger.mirrors:
             start, end = np.asarray(mirror.ends).tolist()
-            tables["mirrors"].append({"phalanx": mirror.phalanx, "from": start, "to": end})
+            place = {"phalanx": mirror.phalanx, "from": start, "to": end}
+            tables["mirrors"].append(place | {"mount": float(mirror.mount)})
     return tables
 
 

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from studies.models.checks import Check
 from studies.models.finger import Finger, links_of
 from studies.models.link_layers import Links
-from studies.models.linkage_design.judging import Check, Verdict, judged
+from studies.models.linkage_design.judging import Verdict, judged
 from studies.models.linkage_design.searching import Search, search
 from studies.models.linkage_design.spec import FingerLinkageSpec, LimitsSpec
 from studies.models.linkage_design.tolerance import least_angles

@@ -15,6 +15,7 @@ from designopt.vectors import fold_angle
 from kinematics.model.linkage import Linkage
 from kinematics.solve.poses import solve_poses
 from kinematics.solve.solver import Pose
+from studies.models.checks import Check
 from studies.models.finger import Finger, links_of, pins_of
 from studies.models.linkage_design.clearances import (
     HOSTS,
@@ -44,40 +45,6 @@ from studies.models.pins import pin_name
 
 STEP_DEG = 1.0
 """Step of the square of postures on which a design is judged, degrees."""
-
-
-ROUNDING = 1e-9
-"""What a requirement may miss by rounding, in its unit."""
-
-
-@dataclass(frozen=True)
-class Check:
-    """One requirement, as required and as achieved.
-
-    Attributes:
-        name: what is required.
-        required: the limit.
-        achieved: the worst value over all postures.
-        unit: of both.
-        at_least: whether the limit is a least value (else a greatest one).
-    """
-
-    name: str
-    required: float
-    achieved: float
-    unit: str = "mm"
-    at_least: bool = True
-
-    @property
-    def slack(self) -> float:
-        """How far inside the limit, in its unit; negative where it is not met."""
-        inside = self.achieved - self.required
-        return inside if self.at_least else -inside
-
-    @property
-    def met(self) -> bool:
-        """Whether it is met, but for rounding."""
-        return self.slack >= -ROUNDING
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ import numpy as np
 
 from designopt.study.records import Records
 from designopt.study.report import Report
+from studies.models.checks import Check, requirement_rows
 from studies.models.finger import Finger, links_of, pins_of
 from studies.models.link_layers import Links
 from studies.models.linkage_design.analysis import LinkageDesign
-from studies.models.linkage_design.judging import Check
 from studies.models.linkage_design.problem import ANGLE, pairs_on_links, pin_places, pins_on_links
 from studies.models.linkage_design.spec import LimitsSpec
 from studies.models.pins import pin_name
@@ -83,27 +83,13 @@ def requirements(limits: LimitsSpec, design: LinkageDesign) -> Records:
 
     The price is by how much the least angle would rise, to first order, for one unit less asked.
     """
-    verdict, found = design.verdict, Records()
     prices: dict[str, tuple[float, str]] = {}
     for one in design.search.held_by():
         name = one.words if one.name == "pins apart" else one.name
         price = prices.get(name, (0.0, ""))[0] + float(np.rad2deg(one.price * ANGLE))
         prices[name] = price, f"° per {one.unit or '1'}"
-    angle = Check("transmission angle", limits.transmission_deg, verdict.least_deg, "°")
-    for one in (angle, *verdict.checks, design.width):
-        price, per = prices.get(one.name, (0.0, ""))
-        found.add(
-            requirement=one.name,
-            limit="at least" if one.at_least else "at most",
-            required=one.required,
-            achieved=one.achieved,
-            margin=one.slack,
-            unit=one.unit,
-            price=price,
-            per=per,
-            met="yes" if one.met else "no",
-        )
-    return found
+    angle = Check("transmission angle", limits.transmission_deg, design.verdict.least_deg, "°")
+    return requirement_rows((angle, *design.verdict.checks, design.width), prices)
 
 
 def trajectories(design: LinkageDesign) -> Records:

@@ -13,7 +13,7 @@ slope of all looks at once: kept apart, look by look, they compile and run sever
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -28,6 +28,7 @@ from jaxtyping import Array, Float, Int
 from designopt.optimize import Evaluation, draw_sobol_starts
 from designopt.study.study import Context
 from studies.models.finger import PHALANGES, Finger
+from studies.models.mirror_design.clearances import clearance_checks
 from studies.models.mirror_design.judging import Verdict, judged
 from studies.models.mirror_design.placement import (
     Placement,
@@ -40,6 +41,7 @@ from studies.models.mirror_design.placement import (
 from studies.models.mirror_design.problem import (
     Look,
     Task,
+    clearance_names,
     cost_and_clearance,
     look,
     problem_of,
@@ -101,6 +103,7 @@ class Trial(NamedTuple):
         violation: largest violation of an inequality there, scaled.
         steps: of the solver, in all.
         seconds: its run time; the first search of a process compiles, too.
+        multipliers: of the inequalities at the end.
     """
 
     start: Placement
@@ -109,6 +112,7 @@ class Trial(NamedTuple):
     violation: float
     steps: int
     seconds: float
+    multipliers: Multipliers
 
 
 @dataclass(frozen=True)
@@ -151,11 +155,12 @@ def design_mirrors(finger: Finger, spec: MirrorSpec, context: Context) -> Mirror
             type is that of the study that runs.
 
     Returns:
-        Of the trials that see everything with the resolution asked for in all postures, the one
-        that still does so most often with errors; if none does, that of least objective and
-        violation. ``verdict`` has which.
+        Of the trials that see everything with the resolution asked for in all postures, and keep
+        all clearances, the one that still sees everything most often with errors; if none does,
+        that of least objective and violation. ``verdict`` has which.
     """
-    poor = replace(poor_layout(finger, spec.camera), layers=spec.pads.layers())
+    mirrors = spec.phalanges, spec.room.mount
+    poor = replace(poor_layout(finger, spec.camera, *mirrors), layers=spec.pads.layers())
     tasks = [
         Task.of(poor, spec, context.seed + number, stage.growth)
         for number, stage in enumerate(STAGES)
@@ -163,7 +168,7 @@ def design_mirrors(finger: Finger, spec: MirrorSpec, context: Context) -> Mirror
     limits = bounds(poor, spec)
     starts = [free_part(poor), *_random(spec, tasks[-1], context.seed)]
     if poor.layers is not None:
-        known = replace(reference_layout(finger, spec.camera), layers=poor.layers)
+        known = replace(reference_layout(finger, spec.camera, *mirrors), layers=poor.layers)
         starts.append(free_part(known))
     thickness = float(finger.body.thickness)
     trials, verdicts = [], []
@@ -182,7 +187,9 @@ def design_mirrors(finger: Finger, spec: MirrorSpec, context: Context) -> Mirror
 
     def rank(number: int) -> tuple[bool, float, float]:
         trial = trials[number]
-        if not verdicts[number].meets(spec.floor):
+        made = put_in(trial.placement, poor)
+        clear = all(one.met for one in clearance_checks(made, spec.room.clearance))
+        if not (clear and verdicts[number].meets(spec.floor)):
             return True, 0.0, trial.objective + 100 * trial.violation
         if number not in shares:
             shares[number] = share(number)
@@ -223,12 +230,21 @@ def _with_worst(
         worst = now[1].worst
         assert worst is not None  # as it is judged everywhere
         task = task.looking_at(worst.postures, number)
-        more = search(now[0].placement, limits, [task], copies, stages=STAGES[-1:])
+        known = _without(now[0].multipliers, task, number)
+        more = search(now[0].placement, limits, [task], copies, STAGES[-1:], known)
         more = more._replace(start=trial.start, steps=more.steps + now[0].steps)
         more = more._replace(seconds=more.seconds + now[0].seconds)
         now = more, judged(put_in(more.placement, poor))
         best = max(best, now, key=lambda one: one[1].quality(floor))
     return best
+
+
+def _without(multipliers: Multipliers, task: Task, number: int) -> Multipliers:
+    """Multipliers for a task, one of whose looks without errors has other postures now."""
+    poses = task.angles.shape[1]
+    own = slice(number * poses, (number + 1) * poses)
+    zeroed = {name: multipliers[name].at[own].set(0.0) for name in ("coverage", "resolution")}
+    return multipliers | zeroed
 
 
 def _random(spec: MirrorSpec, task: Task, seed: int) -> list[Placement]:
@@ -237,7 +253,10 @@ def _random(spec: MirrorSpec, task: Task, seed: int) -> list[Placement]:
     starts = [jax.tree.map(lambda leaf, i=i: jnp.asarray(leaf[i]), points) for i in range(count)]
     # Depths are drawn as heights, so that a seed gives the starts that it gave when the places of
     # camera and mirrors were heights.
-    for depths in (lambda one: one.camera.depth, lambda one: one.mirrors):
+    placed: list[Callable[[Any], Any]] = [lambda one: one.camera.depth]
+    if task.finger.mirrors:
+        placed.append(lambda one: one.mirrors)
+    for depths in placed:
         low, high = depths(least), depths(greatest)
         starts = [
             eqx.tree_at(depths, start, jax.tree.map(_turned_over, low, high, depths(start)))
@@ -258,6 +277,7 @@ def search(
     tasks: Sequence[Task],
     copies: int | None = None,
     stages: Sequence[Stage] | None = None,
+    multipliers: Multipliers | None = None,
 ) -> Trial:
     """Search from one start through all stages.
 
@@ -267,11 +287,12 @@ def search(
         tasks: one for each stage, all of one size.
         copies: the first so many of a task count; all of them by default.
         stages: `STAGES` by default.
+        multipliers: of the inequalities, as far as these are known; 0 by default.
     """
     begin = time.perf_counter()
     units, build = ravel_pytree(scale(tasks[0].finger))
     low, high, point = (ravel_pytree(one)[0] / units for one in (*bounds, start))
-    multipliers = no_multipliers(tasks[0])
+    multipliers = no_multipliers(tasks[0]) if multipliers is None else multipliers
     count = jnp.asarray(tasks[0].copies if copies is None else copies)
     terms: Evaluation | None = None
     steps = 0
@@ -287,7 +308,8 @@ def search(
         terms, steps = reached, steps + int(taken)
     assert terms is not None
     placement, objective, violation = build(point * units), float(terms.value), _violation(terms)
-    return Trial(start, placement, objective, violation, steps, time.perf_counter() - begin)
+    seconds = time.perf_counter() - begin
+    return Trial(start, placement, objective, violation, steps, seconds, multipliers)
 
 
 @jax.jit
@@ -332,13 +354,14 @@ def measured(placement: Placement, task: Task, copies: int | None = None) -> tup
 
 
 def _violation(terms: Evaluation) -> float:
-    return max(0.0, *(float(jnp.max(-leaf)) for leaf in terms.inequalities.values()))
+    return max(float(jnp.max(-leaf, initial=0.0)) for leaf in terms.inequalities.values())
 
 
 def no_multipliers(task: Task) -> Multipliers:
     """Zeros: nothing is known of the inequalities yet."""
     of_pads = jnp.zeros((task.plain * task.angles.shape[1], len(PHALANGES)))
-    return {"coverage": of_pads, "resolution": of_pads, "clearance": jnp.zeros(2)}
+    of_rest = jnp.zeros(len(clearance_names(task.finger)))
+    return {"coverage": of_pads, "resolution": of_pads, "clearance": of_rest}
 
 
 @jax.jit
@@ -376,7 +399,7 @@ def lagrangian(
 
     def of_rest(
         point: Float[Array, " parameters"],
-    ) -> tuple[Float[Array, ""], tuple[Float[Array, ""], Float[Array, "2"]]]:
+    ) -> tuple[Float[Array, ""], tuple[Float[Array, ""], Float[Array, " clearances"]]]:
         price, clearance = cost_and_clearance(build(point * units), task)
         return price + _unmet(clearance, multipliers["clearance"], penalty), (price, clearance)
 

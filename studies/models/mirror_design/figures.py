@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import jax
@@ -19,7 +19,6 @@ from optics.plot.scene_drawing import DASHES
 from optics.plot.scene_figures import COLORS, UNSEEN, poses_figure
 from optics.scene.scene import Scene
 from studies.models.finger import PHALANGES, Phalanx
-from studies.models.mirror_design.errors import NAMES
 from studies.models.mirror_design.judging import Square, Verdict
 from studies.models.mirror_design.seeing import best_resolution, pad_lengths, together
 from studies.models.mirror_design.yields import STEPS, Sensitivity, Yield
@@ -98,11 +97,16 @@ def draw_resolution(scenes: Mapping[str, tuple[Scene, Verdict]]) -> Figure:
     return drawing
 
 
-def draw_sensitivity(found: Sensitivity) -> Figure:
-    """What each error hides by itself, and what its tolerance does to the yield."""
+def draw_sensitivity(found: Sensitivity, names: Sequence[str]) -> Figure:
+    """What each error hides by itself, and what its tolerance does to the yield.
+
+    Args:
+        found: of the finger.
+        names: of its errors.
+    """
     drawing, grid = new_figure(1, 2, height=3.6, width_ratios=[1.6, 1])
     left, right = grid[0]
-    _lines(left, STEPS, dict(zip(NAMES, found.worst, strict=True)))
+    _lines(left, STEPS, dict(zip(names, found.worst, strict=True)))
     left.set(xlabel="error (standard deviations)", ylabel="worst coverage (%)")
     left.set(title="One error at a time", xlim=(STEPS[0], STEPS[-1]))
     yields = {"as stated": found.base}

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import ArrayLike
+from jaxtyping import Array, ArrayLike, Float
 
-from studies.models.finger import Finger, FingerCamera, FingerMirror, Phalanx
+from studies.models.finger import MOUNT, Finger, FingerCamera, FingerMirror, Phalanx
 from studies.models.mirror_design.spec import CameraSpec, MirrorSpec
 
 Placement = Finger
@@ -21,66 +22,112 @@ as a bound or a scale; all other leaves are ``None``."""
 Place = tuple[ArrayLike, ArrayLike, float]
 Ends = Sequence[Sequence[ArrayLike]]
 
-DISTAL, PROXIMAL = 0, 1
-"""The order of the mirrors."""
+CARRIERS: tuple[Phalanx, ...] = ("distal", "proximal")
+"""What carries the mirrors, unless settings have others."""
+
+BETWEEN = 2.0
+"""What mirrors that share a line leave between them, mm."""
 
 
 def with_layout(
-    finger: Finger, lens: CameraSpec, place: Place, distal: Ends, proximal: Ends
+    finger: Finger,
+    lens: CameraSpec,
+    place: Place,
+    lines: Mapping[Phalanx, Ends],
+    phalanges: Sequence[Phalanx],
+    mount: float,
 ) -> Finger:
-    """A finger with a camera and two mirrors.
+    """A finger with a camera and mirrors.
 
     Args:
         finger: its own camera and mirrors are replaced.
         lens: the camera's settings.
         place: of the camera: along from the PIP axis and depth of the pinhole, mm, and tilt,
             degrees; see `FingerCamera`.
-        distal: ends of the mirror; see `FingerMirror`.
-        proximal: ends of the other.
+        lines: ends of the mirror of each phalanx; several mirrors share its line, `BETWEEN` apart.
+        phalanges: what carries the mirrors; those of one phalanx are in order from the joint.
+        mount: thickness of each, mm.
     """
-    ends: dict[Phalanx, Ends] = {"distal": distal, "proximal": proximal}
-    mirrors = tuple(FingerMirror(jnp.asarray(own), phalanx) for phalanx, own in ends.items())
-    return replace(finger, camera=FingerCamera.of(lens, *place), mirrors=mirrors)
+    mirrors = []
+    for number, phalanx in enumerate(phalanges):
+        own, count = _rank(phalanges, number)
+        start, end = (jnp.asarray(one, float) for one in lines[phalanx])
+        margin = BETWEEN / 2 / jnp.linalg.norm(end - start)
+        near = own / count + (margin if own else 0.0)
+        far = (own + 1) / count - (margin if own + 1 < count else 0.0)
+        ends = jnp.stack([(1 - part) * start + part * end for part in (near, far)])
+        mirrors.append(FingerMirror(ends, phalanx, mount))
+    return replace(finger, camera=FingerCamera.of(lens, *place), mirrors=tuple(mirrors))
 
 
-def reference_layout(finger: Finger, lens: CameraSpec) -> Finger:
+def hosts(finger: Finger) -> tuple[Phalanx, ...]:
+    """What carries each mirror."""
+    return tuple(mirror.phalanx for mirror in finger.mirrors)
+
+
+def _rank(phalanges: Sequence[Phalanx], number: int) -> tuple[int, int]:
+    """Of a mirror among those of its phalanx, and how many these are."""
+    host = phalanges[number]
+    return list(phalanges[:number]).count(host), list(phalanges).count(host)
+
+
+def reference_layout(
+    finger: Finger,
+    lens: CameraSpec,
+    phalanges: Sequence[Phalanx] = CARRIERS,
+    mount: float = MOUNT,
+) -> Finger:
     """The layout that an earlier, independent search with errors found for T = 25, h = 4 mm."""
-    distal, proximal = [[0.24, 1.96], [30.81, 20.66]], [[4.16, 2.5], [-28.35, 11.7]]
-    return with_layout(finger, lens, (15.75, 4.01, -6.3), distal, proximal)
+    lines: dict[Phalanx, Ends] = {
+        "distal": [[0.24, 1.96], [30.81, 20.66]],
+        "proximal": [[4.16, 2.5], [-28.35, 11.7]],
+    }
+    return with_layout(finger, lens, (15.75, 4.01, -6.3), lines, phalanges, mount)
 
 
-def poor_layout(finger: Finger, lens: CameraSpec) -> Finger:
+def poor_layout(
+    finger: Finger,
+    lens: CameraSpec,
+    phalanges: Sequence[Phalanx] = CARRIERS,
+    mount: float = MOUNT,
+) -> Finger:
     """Where the search begins on purpose: mirrors along the back of the finger, which show little.
 
     The camera sits 5 mm over the middle of the intermediate pad and looks straight at it.
     """
     body = finger.body
     place = (body.intermediate / 2, body.thickness - 5, 0.0)
-    distal = [[2.0, 2.0], [body.distal - 4, 2.0]]
-    return with_layout(finger, lens, place, distal, [[-2.0, 2.0], [4 - body.proximal, 2.0]])
+    lines: dict[Phalanx, Ends] = {
+        "distal": [[2.0, 2.0], [body.distal - 4, 2.0]],
+        "proximal": [[-2.0, 2.0], [4 - body.proximal, 2.0]],
+    }
+    return with_layout(finger, lens, place, lines, phalanges, mount)
 
 
 def free_part(finger: Finger) -> Placement:
     """What is free alone; ``equinox.combine(part, finger)`` puts other numbers in."""
     nothing = jax.tree.map(lambda _: False, finger)
-    return eqx.filter(finger, eqx.tree_at(_free, nothing, replace_fn=lambda _: True))
+    free = partial(_free, mirrors=len(finger.mirrors))
+    return eqx.filter(finger, eqx.tree_at(free, nothing, replace_fn=lambda _: True))
 
 
-def _free(finger: Finger) -> list[Any]:
+def _free(finger: Finger, mirrors: int) -> list[Any]:
     camera = finger.camera
     assert camera is not None  # a layout has one
-    places = camera.along, camera.depth, camera.tilt, *(mirror.ends for mirror in finger.mirrors)
+    # Counted, for `equinox.tree_at` has something else in the place of no mirrors.
+    ends = [finger.mirrors[number].ends for number in range(mirrors)]
+    places = camera.along, camera.depth, camera.tilt, *ends
     layers = finger.layers
     return [*places, *([] if layers is None else [layers.reach, layers.outer_reach])]
 
 
 def _placement(
-    finger: Finger, place: Place, distal: Ends, proximal: Ends, reach: float
+    finger: Finger, place: Place, mirrors: Sequence[Ends | Float[Array, "2 2"]], reach: float
 ) -> Placement:
-    parts = [jnp.asarray(part, float) for part in (*place, distal, proximal)]
+    parts = [jnp.asarray(part, float) for part in (*place, *mirrors)]
     if finger.layers is not None:
         parts += [jnp.full_like(finger.layers.reach, reach)] * 2
-    return eqx.tree_at(_free, free_part(finger), parts)
+    return eqx.tree_at(partial(_free, mirrors=len(mirrors)), free_part(finger), parts)
 
 
 def bounds(finger: Finger, spec: MirrorSpec) -> tuple[Placement, Placement]:
@@ -90,9 +137,10 @@ def bounds(finger: Finger, spec: MirrorSpec) -> tuple[Placement, Placement]:
     dorsal face. A mirror's ends keep the clearance from the layers (the palmar plane, if there are
     none), the dorsal face and the end wall. One end lies in the half next to the joint, and may
     reach beyond the joint's axis by the overhang (the reference layout's proximal mirror does so by
-    4.16 mm: the cheeks that carry it enclose the joint), the other in the far half. That the
-    overhanging ends keep away from the camera's body is an inequality (`problem.clearances`), and
-    that this stays inside the dorsal face, however it is tilted, is so by construction
+    4.16 mm: the cheeks that carry it enclose the joint), the other in the far half; n mirrors on
+    one phalanx divide it likewise, at 1/2n, 3/2n, … of its length. That mirrors with their mounts
+    stay inside and keep away from all else are inequalities (`clearances`), and that the camera's
+    body stays inside the dorsal face, however it is tilted, is so by construction
     (`problem.put_in`). Reaches of layers are shares of what is free; those of
     layers that end at the membrane stay 0.
 
@@ -100,19 +148,24 @@ def bounds(finger: Finger, spec: MirrorSpec) -> tuple[Placement, Placement]:
         The least and the greatest placement, mm and rad.
     """
     body, clear, over = finger.body, spec.room.clearance, spec.room.overhang
-    half, outer, inner = spec.camera.width / 2, body.distal, body.proximal
+    half, phalanges = spec.camera.width / 2, hosts(finger)
     low, room = clear, body.thickness + body.protrusion
     if finger.layers is not None:
         room = room - jnp.sum(finger.layers.thickness)
     high = jnp.minimum(room, body.thickness) - clear
+    least, greatest = [], []
+    for number, phalanx in enumerate(phalanges):
+        own, count = _rank(phalanges, number)
+        length, sign = (body.distal, 1.0) if phalanx == "distal" else (body.proximal, -1.0)
+        inner = [(2 * i + 1) / (2 * count) * length for i in range(count)]
+        cuts = jnp.stack([jnp.asarray(cut, float) for cut in (-over, *inner, length - clear)])
+        cells = jnp.sort(sign * jnp.stack([cuts[own : own + 2], cuts[own + 1 : own + 3]]), axis=1)
+        for found, side, depth in ((least, 0, low), (greatest, 1, high)):
+            found.append(jnp.stack([cells[:, side], jnp.full(2, depth)], axis=-1))
     camera = (half, spec.camera.depth, -0.6)
-    distal = [[-over, low], [outer / 2, low]]
-    ends = [[-inner / 2, low], [clear - inner, low]]
-    least = _placement(finger, camera, distal, ends, 0.0)
+    lowest = _placement(finger, camera, least, 0.0)
     camera = (body.intermediate - half, high - clear, 0.6)
-    distal = [[outer / 2, high], [outer - clear, high]]
-    ends, reach = [[over, high], [-inner / 2, high]], float(spec.pads.reach == "free")
-    return least, _placement(finger, camera, distal, ends, reach)
+    return lowest, _placement(finger, camera, greatest, float(spec.pads.reach == "free"))
 
 
 def scale(finger: Finger) -> Placement:
@@ -120,5 +173,5 @@ def scale(finger: Finger) -> Placement:
 
     1 mm, 0.1 rad, and a third of what is free for a layer.
     """
-    ones = [[1.0, 1.0], [1.0, 1.0]]
-    return _placement(finger, (1.0, 1.0, 0.1), ones, ones, 1 / 3)
+    ones = [jnp.ones((2, 2))] * len(finger.mirrors)
+    return _placement(finger, (1.0, 1.0, 0.1), ones, 1 / 3)

@@ -22,7 +22,7 @@ from optics import Pieces, Scene, describe_end, find_coverage, find_focus, find_
 from optics.visibility.intervals import union
 from optics.visibility.sharpness import find_sharpness
 from studies.models.finger import PHALANGES, Finger
-from studies.models.mirror_design.seeing import least_resolution, pad_lengths
+from studies.models.mirror_design.seeing import least_resolution, least_spare, pad_lengths
 
 BLOCK = 256
 """Postures of one call."""
@@ -82,12 +82,15 @@ class WorstPostures(NamedTuple):
             lens.
         transmission: part of the light that the layers let through at worst, of rays that are
             needed to see what is seen; ``None`` where pads are bare.
+        spare_deg: least angle between what is needed and the limits of the field of view
+            (`seeing.least_spare`), on the grid of postures: towards the root, and towards the tip.
     """
 
     coverage: tuple[Worst, ...]
     px_per_mm: tuple[Worst, ...]
     blur_px: tuple[Worst, ...]
     transmission: float | None
+    spare_deg: tuple[Worst, Worst]
 
     @property
     def postures(self) -> Float[np.ndarray, "worst 2"]:
@@ -113,8 +116,9 @@ class WorstPostures(NamedTuple):
         return max((worst.value for worst in self.blur_px), default=None)
 
 
-Numbers = Float[np.ndarray, "poses pads 3"]
-"""Coverage, least resolution (px/mm) and, negative, largest blur (pixels): the worst is least."""
+Numbers = Float[np.ndarray, "poses pads 5"]
+"""Coverage, least resolution (px/mm), negative largest blur (pixels), and degrees to spare at both
+limits of the field of view: the worst is least."""
 
 
 def find_worst_postures(finger: Finger) -> WorstPostures:
@@ -146,8 +150,15 @@ def find_worst_postures(finger: Finger) -> WorstPostures:
         rows = zip(sign * value[:, kind], PHALANGES, where[:, kind], strict=True)
         return tuple(Worst(float(one), pad, *map(float, place)) for one, pad, place in rows)
 
+    def spare(side: int) -> Worst:
+        """Of the postures of the grid: the smaller ones do not look for it."""
+        angles = numbers[..., 3 + side]
+        pose, pad = np.unravel_index(np.argmin(angles), angles.shape)
+        return Worst(float(angles[pose, pad]), PHALANGES[pad], *map(float, degrees[pose]))
+
     blur = worst(2, -1) if kinds == 3 else ()
-    return WorstPostures(worst(0), worst(1), blur, _least_transmission(scene, degrees))
+    transmission = _least_transmission(scene, degrees)
+    return WorstPostures(worst(0), worst(1), blur, transmission, (spare(0), spare(1)))
 
 
 def _lowest(
@@ -221,13 +232,14 @@ def _look(scene: Scene, degrees: Float[np.ndarray, "poses 2"]) -> Numbers:
 
 
 @jax.jit
-def _numbers(scene: Scene, poses: Float[Array, "poses 2"]) -> Float[Array, "poses pads 3"]:
-    views = find_views(scene, poses).value
-    sharp = least_resolution(views, pad_lengths(scene))
+def _numbers(scene: Scene, poses: Float[Array, "poses 2"]) -> Float[Array, "poses pads 5"]:
+    views, lengths = find_views(scene, poses).value, pad_lengths(scene)
+    sharp = least_resolution(views, lengths)
+    spare = jnp.rad2deg(least_spare(views, scene.camera, lengths))
     blur = jnp.zeros_like(sharp)
     if scene.camera.lens is not None:
         blur = jnp.max(find_focus(scene, views).blur, axis=(-2, -1))
-    return jnp.stack([views.coverage(), sharp, -blur], axis=-1)
+    return jnp.stack([views.coverage(), sharp, -blur, *spare], axis=-1)
 
 
 def _least_transmission(scene: Scene, degrees: Float[np.ndarray, "poses 2"]) -> float | None:

@@ -17,8 +17,9 @@ from designopt.numerics import as_float
 from designopt.optimize import Evaluation, Problem, Requirement
 from optics.visibility.coverage import find_views
 from studies.models.finger import PHALANGES, Finger, camera_of
+from studies.models.mirror_design.clearances import dorsal_room, find_clearances
 from studies.models.mirror_design.errors import perturb, spread_evenly
-from studies.models.mirror_design.placement import DISTAL, PROXIMAL, Placement, bounds, scale
+from studies.models.mirror_design.placement import Placement, bounds, scale
 from studies.models.mirror_design.postures import GOLDEN
 from studies.models.mirror_design.seeing import (
     hidden_penalty,
@@ -41,6 +42,11 @@ CLEARANCE_SCALE = 10.0
 """A clearance that is missing by so much, mm, counts as 1."""
 
 
+CLEARANCE_RESERVE = 0.05
+"""Clearances are asked for with so much to spare, mm: what the search leaves unmet, and what they
+are less between its angles."""
+
+
 class Task(eqx.Module):
     """All that the problem is made of, as arrays: one compiled program serves all tasks of a size.
 
@@ -48,17 +54,18 @@ class Task(eqx.Module):
 
     Attributes:
         finger: whose camera and mirrors are placed.
-        errors: of the finger of every look, in the order of `errors.NAMES`; 0 in the first ones.
+        errors: of the finger of every look, in the order of `errors.error_names`; 0 in the first
+            ones.
         angles: PIP and DIP in every look's postures, rad: all pairs of each joint's angles are
             looked at sooner or later, by one look or another.
         floor: least resolution, px/mm.
         mirror_weight: price of 10 mm of mirror, in % of a pad that is not seen.
-        clearance: of the mirrors from the camera's body, mm.
+        clearance: of mirrors and mounts from all else, mm.
         plain: number of looks without errors; those that follow are at one copy each.
     """
 
     finger: Finger
-    errors: Float[Array, "looks 7"]
+    errors: Float[Array, "looks errors"]
     angles: Float[Array, "looks poses 2"]
     floor: Float[Array, ""] = eqx.field(converter=as_float)
     mirror_weight: Float[Array, ""] = eqx.field(converter=as_float)
@@ -79,7 +86,8 @@ class Task(eqx.Module):
         plain = math.ceil(PLAIN / search.poses)
         even = np.linspace(0.0, 1.0, plain * search.poses).reshape(search.poses, plain).T
         own = spread_angles(search.copies, search.poses)
-        errors = spread_evenly(spec.tolerances, search.copies, seed) * search.spread * growth
+        errors = spread_evenly(spec.tolerances, len(finger.mirrors), search.copies, seed)
+        errors = errors * search.spread * growth
         return cls(
             finger=finger,
             errors=jnp.asarray(np.pad(errors, ((plain, 0), (0, 0)))),
@@ -148,23 +156,6 @@ def look(placement: Placement, task: Task, number: Int[Array, ""]) -> Look:
     return Look(jnp.mean(jnp.sum(hidden, axis=-1)), levels)
 
 
-def clearances(finger: Finger) -> Float[Array, "2"]:
-    """Room between the camera's body and the near ends of the proximal and distal mirror, mm.
-
-    Measured along x in the straight finger. Flexion only turns these ends away: a place (x, y)
-    with y > 0 of the proximal phalanx goes towards −x, of the distal one towards +x.
-    """
-    body = finger.camera_corners()[:, 0]
-    near = finger.mirrors[DISTAL].ends[0, 0] + finger.body.intermediate
-    left = jnp.min(body) - finger.mirrors[PROXIMAL].ends[0, 0]
-    return jnp.stack([left, near - jnp.max(body)])
-
-
-def dorsal_room(finger: Finger) -> Float[Array, ""]:
-    """Room between the camera's body, tilted as it is, and the dorsal face, mm."""
-    return finger.body.dorsal - jnp.max(finger.camera_corners()[:, 1])
-
-
 def put_in(placement: Placement, finger: Finger) -> Finger:
     """The finger with a placement, its camera so deep that its body is inside the dorsal face."""
     made = eqx.combine(placement, finger)
@@ -175,12 +166,21 @@ def put_in(placement: Placement, finger: Finger) -> Finger:
 
 def cost_and_clearance(
     placement: Placement, task: Task
-) -> tuple[Float[Array, ""], Float[Array, "2"]]:
-    """Mirror-length penalty and clearance constraints (≥ 0); neither needs ray tracing."""
-    lengths = jnp.stack([mirror.length for mirror in placement.mirrors])
-    cost = task.mirror_weight * jnp.sum(lengths) / 10
-    room = clearances(put_in(placement, task.finger))
-    return cost, (room - task.clearance) / CLEARANCE_SCALE
+) -> tuple[Float[Array, ""], Float[Array, " clearances"]]:
+    """Mirror-length penalty and clearance constraints (≥ 0); neither needs ray tracing.
+
+    The latter are in the order of `clearance_names`.
+    """
+    lengths = [mirror.length for mirror in placement.mirrors]
+    cost = task.mirror_weight * jnp.sum(jnp.asarray(lengths)) / 10
+    made = put_in(placement, task.finger)
+    room = jnp.asarray([*find_clearances(made).values()])
+    return cost, (room - task.clearance - CLEARANCE_RESERVE) / CLEARANCE_SCALE
+
+
+def clearance_names(finger: Finger) -> list[str]:
+    """What is kept clear of what, in words."""
+    return [*jax.eval_shape(find_clearances, finger)]
 
 
 def terms_of(placement: Placement, task: Task) -> Evaluation:
@@ -188,7 +188,7 @@ def terms_of(placement: Placement, task: Task) -> Evaluation:
 
     The objective is, in % of a pad: what the copies do not see, what is not seen without errors,
     and the price of the mirrors. ``coverage`` and ``resolution`` have the shape (poses, pads) over
-    the looks without errors, ``clearance`` (2,).
+    the looks without errors, ``clearance`` that of `clearance_names`.
     """
     # One look after the other: all postures together would leave the cache.
     looks = jax.lax.map(lambda number: look(placement, task, number), jnp.arange(len(task.angles)))
@@ -210,8 +210,10 @@ def problem_of(spec: MirrorSpec, task: Task) -> Problem:
         pip, dip = degrees[at[0]]
         return f"{what} of the {PHALANGES[at[1]]} pad at PIP {pip:g}°, DIP {dip:g}°"
 
+    names = clearance_names(task.finger)
+
     def clearance(at: tuple[int, ...]) -> str:
-        return f"the {('proximal', 'distal')[at[0]]} mirror beside the camera's body"
+        return f"clearance: {names[at[0]]}"
 
     requirements = {
         "coverage": Requirement(partial(of_pad, "coverage"), "%", 100 * HIDDEN_SCALE),

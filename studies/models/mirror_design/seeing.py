@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from designopt.numerics import safe_divide, safe_sqrt
 from designopt.solution import Solution
-from optics import Pieces, Scene
+from optics import Camera, Pieces, Scene
 
 PLACES = 17
 """Places along a pad at which the search asks for resolution, besides the ends of pieces."""
@@ -55,15 +58,72 @@ def least_resolution(views: Pieces, lengths: Float[Array, " pads"]) -> Float[Arr
     Along a piece it is least at an end; so it is asked for to either side of the ends of all
     pieces, where one view hands over to another, and, for crossings, at `PLACES` places.
     """
+
+    def best(at: Array, inside: Array) -> Array:
+        sharp = _best(views, lengths, at, inside)
+        return jnp.where(sharp > 0, sharp, NO_VIEW)
+
+    return _least(views, best)
+
+
+def least_spare(
+    views: Pieces, camera: Camera, lengths: Float[Array, " pads"]
+) -> Float[Array, "sides *poses pads"]:
+    """Angle between what is needed and either limit of the field of view, rad.
+
+    By so much less field on that side nothing of a pad would be lost: at every place the view
+    counts that is farthest from the limit, and of all places the one with least. First the side
+    at which the image ends (clockwise from the axis), then the other. Places are those of
+    `least_resolution`.
+
+    A place divides the angle under which a piece is seen as in the triangle of the piece and the
+    camera's image: exact for bare pads; behind layers at the ends of pieces alone.
+
+    Args:
+        views: pieces that are seen.
+        camera: of the scene.
+        lengths: of the pads, mm.
+    """
+    first, last = (camera.angle(views.pixels[..., i])[..., None] for i in (0, 1))
+    near, far = (views.distance[..., i, None] ** 2 for i in (0, 1))
+    there, start, end = (leaf[..., None] for leaf in (views.present, views.start, views.end))
+    width = end - start
+    square = (width * lengths.reshape((1,) * (views.start.ndim - 2) + (-1, 1, 1))) ** 2
+    whole = (near + far - square) / 2
+    height = safe_sqrt(near * far - whole * whole)
+    field = camera.field_of_view
+
+    def best(at: Array, inside: Array) -> Array:
+        part = jnp.where(there, at - start, 0.0) / jnp.where(there, width, 1.0)
+        dot = near + part * (whole - near)
+        share, seen = safe_divide(jnp.arctan2(part * height, dot), jnp.arctan2(height, whole))
+        angle = first + jnp.where(seen, share, part) * (last - first)
+        spare = jnp.stack([field / 2 + angle, field / 2 - angle])
+        return jnp.max(jnp.where(there & inside, spare, -jnp.inf), axis=-2)
+
+    def bounded(at: Array, inside: Array) -> Array:
+        found = best(at, inside)
+        return jnp.where(jnp.isfinite(found), found, field)
+
+    return _least(views, bounded)
+
+
+def _least(views: Pieces, best: Callable[[Array, Array], Array]) -> Array:
+    """Least over the places of pads of what the best view of each has.
+
+    Args:
+        views: pieces that are seen.
+        best: of places, and of which pieces they are inside.
+    """
     places = jnp.linspace(0.0, 1.0, PLACES, dtype=views.start.dtype)
     start, end = views.start[..., None], views.end[..., None]
-    found = [best_resolution(views, lengths, places)]
+    even = places.reshape((1,) * views.present.ndim + (-1,))
+    found = [best(even, (start <= even) & (even <= end))]
     for ends in (views.start, views.end):
         at = ends[..., None, :]
-        found.append(_best(views, lengths, at, (start < at) & (at <= end)))
-        found.append(_best(views, lengths, at, (start <= at) & (at < end)))
-    least = [jnp.min(jnp.where(best > 0, best, NO_VIEW), axis=-1) for best in found]
-    return jnp.min(jnp.stack(least), axis=0)
+        found.append(best(at, (start < at) & (at <= end)))
+        found.append(best(at, (start <= at) & (at < end)))
+    return jnp.min(jnp.stack([jnp.min(one, axis=-1) for one in found]), axis=0)
 
 
 def _best(

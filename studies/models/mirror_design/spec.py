@@ -19,6 +19,8 @@ Error = Annotated[float, Field(gt=0, le=10)]
 MOST_LAYERS, LARGEST_INDEX = 4, 4.0
 """As in scene files, whose module takes long to import."""
 
+MOST_MIRRORS = 3
+
 FLOOR = 2.5
 """Least resolution, px/mm, of which the study's targets speak."""
 
@@ -126,6 +128,9 @@ class RoomSpec(Spec):
     """Where mirrors may be. Lengths in mm."""
 
     clearance: Length = setting(1.0, "of mirrors from faces, end walls and camera body (mm)")
+    mount: float = setting(
+        1.0, "thickness of a mirror's glass and backing, behind its line (mm)", ge=0, le=20
+    )
     overhang: float = setting(
         5.0, "how far a mirror may reach beyond its own joint's axis (mm)", ge=0, le=100
     )
@@ -163,6 +168,11 @@ class SearchSpec(Spec):
 class MirrorSpec(Spec):
     """What `design_mirrors` is given besides the body."""
 
+    phalanges: list[Literal["distal", "proximal"]] = setting(
+        ["distal", "proximal"],
+        "what carries each mirror; none: the camera looks at the pads directly",
+        max_length=MOST_MIRRORS,
+    )
     camera: CameraSpec = CameraSpec()
     pads: PadsSpec = PadsSpec()
     room: RoomSpec = RoomSpec()
@@ -170,6 +180,12 @@ class MirrorSpec(Spec):
     search: SearchSpec = SearchSpec()
     floor: float = setting(
         FLOOR, "least resolution, each place in its best view (px/mm)", gt=0, le=1000
+    )
+    least_yield: float = setting(
+        0.99, "least part of assembled fingers that show everything", ge=0, le=1
+    )
+    least_membrane: float = setting(
+        67.45, "least length of the membranes together, 95 % of 71 (mm)", ge=0, le=1e3
     )
 
 

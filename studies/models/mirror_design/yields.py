@@ -13,17 +13,9 @@ from jaxtyping import Array, Float
 from designopt.batching import map_blocks
 from optics.visibility.coverage import find_coverage
 from studies.models.finger import Finger
-from studies.models.mirror_design.errors import NAMES, deviations, perturb, sample_errors
+from studies.models.mirror_design.errors import deviations, perturb, sample_errors
 from studies.models.mirror_design.postures import ROUNDING, crossed, whole_degrees
 from studies.models.mirror_design.spec import ToleranceSpec
-
-GROUPS = {
-    "camera position": (0, 1),
-    "camera tilt": (2,),
-    "mirror tilt": (3, 4),
-    "mirror offset": (5, 6),
-}
-"""Entries of the errors that share a tolerance."""
 
 BLOCK = 100
 """Draws of one call: one compiled program serves any number of draws."""
@@ -51,6 +43,15 @@ class Yield(NamedTuple):
     by_pose: Float[np.ndarray, "poses pads"]
 
 
+def groups(mirrors: int) -> dict[str, slice]:
+    """Entries of the errors that share a tolerance, by its name."""
+    found = {"camera position": slice(0, 2), "camera tilt": slice(2, 3)}
+    if mirrors:
+        found["mirror tilt"] = slice(3, 3 + mirrors)
+        found["mirror offset"] = slice(3 + mirrors, 3 + 2 * mirrors)
+    return found
+
+
 def share_of(coverage: Float[np.ndarray, "draws poses pads"]) -> Yield:
     """The yield of draws; a pad is seen if 1 − `ROUNDING` of it is.
 
@@ -66,9 +67,9 @@ def share_of(coverage: Float[np.ndarray, "draws poses pads"]) -> Yield:
 
 
 def coverages(
-    finger: Finger, errors: Float[np.ndarray, "draws 7"]
+    finger: Finger, errors: Float[np.ndarray, "draws errors"]
 ) -> Float[np.ndarray, "draws poses pads"]:
-    """Coverage of fingers assembled with errors (in the order of `NAMES`).
+    """Coverage of fingers assembled with errors (in the order of `errors.error_names`).
 
     Degree by degree with both joints bent alike, then each degree of PIP with another one of DIP:
     all pairs for all draws would take a hundred times as long.
@@ -87,9 +88,9 @@ def postures(finger: Finger) -> Float[np.ndarray, "poses 2"]:
 
 @jax.jit
 def _coverages(
-    finger: Finger, errors: Float[Array, "draws 7"], poses: Float[Array, "poses joints"]
+    finger: Finger, errors: Float[Array, "draws errors"], poses: Float[Array, "poses joints"]
 ) -> Float[Array, "draws poses pads"]:
-    def of_draw(entries: Float[Array, "7"]) -> Float[Array, "poses pads"]:
+    def of_draw(entries: Float[Array, " errors"]) -> Float[Array, "poses pads"]:
         return find_coverage(perturb(finger, entries).scene(), poses).value
 
     return jax.lax.map(of_draw, errors)
@@ -97,7 +98,8 @@ def _coverages(
 
 def monte_carlo(finger: Finger, tolerances: ToleranceSpec, *, draws: int, seed: int) -> Yield:
     """The yield by independent normal errors."""
-    return share_of(coverages(finger, sample_errors(tolerances, draws, seed)))
+    errors = sample_errors(tolerances, len(finger.mirrors), draws, seed)
+    return share_of(coverages(finger, errors))
 
 
 class Sensitivity(NamedTuple):
@@ -119,20 +121,21 @@ class Sensitivity(NamedTuple):
 
 def sensitivity(finger: Finger, tolerances: ToleranceSpec, *, draws: int, seed: int) -> Sensitivity:
     """What each error does by itself, over `STEPS`; yields with the same draws each."""
-    sizes, each = deviations(tolerances), np.eye(len(NAMES))
-    single = (each[:, None] * STEPS[:, None]) * sizes
-    alone = single.reshape(-1, len(NAMES))
-    errors = sample_errors(tolerances, draws, seed)
+    mirrors = len(finger.mirrors)
+    sizes, doubling = deviations(tolerances, mirrors), groups(mirrors)
+    single = (np.eye(len(sizes))[:, None] * STEPS[:, None]) * sizes
+    alone = single.reshape(-1, len(sizes))
+    errors = sample_errors(tolerances, mirrors, draws, seed)
     variants = [errors]
-    for entries in GROUPS.values():
-        factor = np.ones(len(NAMES))
-        factor[list(entries)] = 2.0
+    for entries in doubling.values():
+        factor = np.ones(len(sizes))
+        factor[entries] = 2.0
         variants.append(errors * factor)
     found = coverages(finger, np.concatenate([alone, *variants]))
-    worst = np.min(found[: len(alone)], axis=(1, 2)).reshape(len(NAMES), len(STEPS))
+    worst = np.min(found[: len(alone)], axis=(1, 2)).reshape(len(sizes), len(STEPS))
     base, *doubled = map(share_of, np.split(found[len(alone) :], len(variants)))
     limits = np.array([_limits(curve >= 1 - ROUNDING) for curve in worst])
-    return Sensitivity(worst, limits, base, dict(zip(GROUPS, doubled, strict=True)))
+    return Sensitivity(worst, limits, base, dict(zip(doubling, doubled, strict=True)))
 
 
 def _limits(whole: np.ndarray) -> tuple[float, float]:
