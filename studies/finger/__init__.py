@@ -37,6 +37,12 @@ class FingerSpec(Spec):
     yield_draws: int = setting(
         1000, "random draws of the errors of assembly", free=True, ge=10, le=100_000
     )
+    advice: bool = setting(
+        True,
+        "where requirements are missed, look for the smallest single changes that meet them all; "
+        "each is designed anew, which takes minutes",
+        free=True,
+    )
 
     @model_validator(mode="after")
     def _parts_fit(self) -> FingerSpec:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ from jaxtyping import Float
 
 from studies.models.checks import Check
 from studies.models.finger import Finger, links_of
-from studies.models.link_layers import Links
+from studies.models.link_layers import Links, Meeting
 from studies.models.linkage_design.judging import Verdict, judged
 from studies.models.linkage_design.searching import Search, search
 from studies.models.linkage_design.spec import FingerLinkageSpec, LimitsSpec
@@ -40,14 +41,27 @@ class LinkageDesign:
         return [check for check in (*self.verdict.checks, self.width) if not check.met]
 
 
-def design_linkage(spec: FingerLinkageSpec, seed: int) -> LinkageDesign:
+def design_linkage(
+    spec: FingerLinkageSpec, seed: int, near: Sequence[Meeting] | None = None
+) -> LinkageDesign:
     """The best linkage for a spec, judged.
 
     Args:
         spec: the study's settings.
         seed: of the search's starts and of the tolerance study's draws.
+        near: see `searching.search`.
     """
-    found = search(spec, seed)
+    return judged_design(spec, search(spec, seed, near), seed)
+
+
+def judged_design(spec: FingerLinkageSpec, found: Search, seed: int) -> LinkageDesign:
+    """What was found, judged.
+
+    Args:
+        spec: the study's settings.
+        found: a search with them.
+        seed: of the tolerance study's draws.
+    """
     verdict = judged(found.finger, spec.limits, spec.motor)
     width = layers_fit(spec.limits, links_of(found.finger))
     drawn = least_angles(found.finger, spec.tolerance, spec.draws, seed)

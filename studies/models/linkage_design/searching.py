@@ -100,6 +100,7 @@ class Search:
         finger: the design: its pins are rounded to what can be built.
         starts: where the first round began.
         rounds: the solves; the first from Sobol points, the others from the best before.
+        near: the parts whose clearance they keep.
         shortfall: what is missing at least, over the last round's postures, where the requirements
             were not met; see `make_elastic`.
     """
@@ -107,6 +108,7 @@ class Search:
     finger: Finger
     starts: Starts
     rounds: tuple[Round, ...]
+    near: Sequence[Meeting]
     shortfall: Optimum | None = None
 
     @property
@@ -162,8 +164,33 @@ def search(spec: FingerLinkageSpec, seed: int, near: Sequence[Meeting] | None = 
     problem = over(finger, spec, *coarse, near)
     begin = make_epigraph_starts(problem, starts.parameters)
     rounds = [Round(problem, minimizer(problem, how.starts, "bfgs").solve(begin, exact(problem)))]
-    worst = _worst_postures(finger, spec)
-    pip, dip = coarse
+    rounds = _exchanged(spec, finger, rounds, near)
+    return _finished(spec, finger, starts, rounds, near)
+
+
+def search_on(spec: FingerLinkageSpec, found: Search) -> Search:
+    """The best linkage near one that was found for other settings.
+
+    Args:
+        spec: the study's settings.
+        found: whose design it begins with; the parts that it keeps apart are kept apart here.
+    """
+    finger = blank_finger(spec)
+    pip, dip = (_filled(one, one) for one in grids(finger.body, spec.search.step_deg))
+    problem = over(finger, spec, pip, dip, found.near)
+    design = jax.tree.map(lambda leaf: leaf[None], found.best.parameters.design)
+    begin = make_epigraph_starts(problem, design)
+    rounds = [Round(problem, minimizer(problem, 1, "slsqp").solve(begin, exact(problem)))]
+    rounds = _exchanged(spec, finger, rounds, found.near)
+    return _finished(spec, finger, found.starts, rounds, found.near)
+
+
+def _exchanged(
+    spec: FingerLinkageSpec, finger: Finger, rounds: list[Round], near: Sequence[Meeting]
+) -> list[Round]:
+    """The first round and those that follow, with the worst postures of each added."""
+    how, worst = spec.search, _worst_postures(finger, spec)
+    pip, dip = coarse = grids(finger.body, how.step_deg)
     known = None
     for _ in range(how.exchanges):
         if rounds[-1].optima.best.violation > NEARLY:
@@ -185,14 +212,24 @@ def search(spec: FingerLinkageSpec, seed: int, near: Sequence[Meeting] | None = 
         if solved.optima.best.violation > NEARLY:
             break  # from what cannot be met this solver runs astray
         rounds.append(solved)
+    return rounds
+
+
+def _finished(
+    spec: FingerLinkageSpec,
+    finger: Finger,
+    starts: Starts,
+    rounds: list[Round],
+    near: Sequence[Meeting],
+) -> Search:
     found = replace(finger, pins=rounds[-1].optima.best.parameters.design)
     if finger.motor is not None:
         found = with_motor_pin(found, spec.motor.arm, ends_of(finger.body))
-    made = finger.with_pins(rounded(pins_of(found), how.rounding))
+    made = finger.with_pins(rounded(pins_of(found), spec.search.rounding))
     short = None
     if rounds[-1].optima.best.violation > NEARLY:
         short = _shortfall(rounds[-1])
-    return Search(made, starts, tuple(rounds), short)
+    return Search(made, starts, tuple(rounds), near, short)
 
 
 def blank_finger(spec: FingerLinkageSpec) -> Finger:
@@ -326,7 +363,9 @@ def minimizer(problem: Problem, count: int, method: Method) -> Minimizer:
     optimum sequential quadratic programming needs a few steps, for it sees which postures hold it.
     """
     leaves, structure = jax.tree.flatten(problem.data)
-    key = problem.terms, count, method, structure, tuple(map(jnp.shape, leaves))
+    # SciPy's solve one start after the other.
+    together = 1 if method in ("slsqp", "trust-constr") else count
+    key = problem.terms, together, method, structure, tuple(map(jnp.shape, leaves))
     if key not in _MINIMIZERS:
         caps: Any = {"floor": FLOOR, "updates": UPDATES, "steps": STEPS}
         _MINIMIZERS[key] = Minimizer(exact(problem), count, method, **caps)

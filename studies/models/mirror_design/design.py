@@ -145,7 +145,12 @@ class MirrorDesign:
         return self.tasks[-1]
 
 
-def design_mirrors(finger: Finger, spec: MirrorSpec, context: Context) -> MirrorDesign:
+def design_mirrors(
+    finger: Finger,
+    spec: MirrorSpec,
+    context: Context,
+    starts: Sequence[Placement] | None = None,
+) -> MirrorDesign:
     """Camera and mirrors that show all pads of a finger in every posture, errors included.
 
     Args:
@@ -153,6 +158,8 @@ def design_mirrors(finger: Finger, spec: MirrorSpec, context: Context) -> Mirror
         spec: camera, room, tolerances, resolution and how to search.
         context: its seed chooses the random starts and the errors that the search sees; the float
             type is that of the study that runs.
+        starts: where to begin; by default the poor layout, random ones and, for layered pads, the
+            reference layout.
 
     Returns:
         Of the trials that see everything with the resolution asked for in all postures, and keep
@@ -166,10 +173,11 @@ def design_mirrors(finger: Finger, spec: MirrorSpec, context: Context) -> Mirror
         for number, stage in enumerate(STAGES)
     ]
     limits = bounds(poor, spec)
-    starts = [free_part(poor), *_random(spec, tasks[-1], context.seed)]
-    if poor.layers is not None:
-        known = replace(reference_layout(finger, spec.camera, *mirrors), layers=poor.layers)
-        starts.append(free_part(known))
+    if starts is None:
+        starts = [free_part(poor), *_random(spec, tasks[-1], context.seed)]
+        if poor.layers is not None:
+            known = replace(reference_layout(finger, spec.camera, *mirrors), layers=poor.layers)
+            starts.append(free_part(known))
     thickness = float(finger.body.thickness)
     trials, verdicts = [], []
     for number, start in enumerate(starts):

@@ -1,0 +1,170 @@
+"""What would help where a finger cannot meet its requirements: one setting at a time.
+
+Of every setting the smallest change is looked for with which all requirements are met. Designs that
+begin with the one that was found bracket it; then the finger is designed as a run designs it, with
+that change, which must meet everything, and with half of it, which must not.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from pydantic import ValidationError
+
+from designopt.study.records import Records
+from designopt.study.settings import fields
+from studies.finger import FingerSpec
+from studies.finger.designing import Designer
+
+
+class Lever(NamedTuple):
+    """A setting that may be changed.
+
+    Attributes:
+        setting: its name, as after ``--set``.
+        step: changes are multiples of it; its sign is the direction that helps.
+        most: steps of the largest change.
+    """
+
+    setting: str
+    step: float
+    most: int
+
+
+LEAST = 1 / 8
+"""Smaller changes than so much of a step are none."""
+
+LEVERS = (
+    Lever("body.thickness", 0.5, 16),
+    Lever("body.proximal", 1.0, 16),
+    Lever("body.intermediate", 1.0, 16),
+    Lever("body.distal", 1.0, 16),
+    Lever("body.range_deg", -5.0, 8),
+    Lever("linkage.limits.width", 0.5, 16),
+    Lever("linkage.limits.transmission_deg", -1.0, 16),
+    Lever("linkage.limits.crank_range_deg", 5.0, 8),
+    Lever("linkage.limits.pinch_force", -0.5, 16),
+    Lever("linkage.limits.clearance", -0.1, 4),
+    Lever("linkage.links.bar_width", -0.25, 8),
+    Lever("linkage.motor.moment", 50.0, 16),
+    Lever("spring.preload", 0.05, 16),
+    Lever("mirrors.camera.fov_deg", 5.0, 16),
+    Lever("mirrors.floor", -0.1, 16),
+    Lever("mirrors.room.mount", -0.25, 4),
+    Lever("mirrors.least_yield", -0.02, 16),
+)
+"""Those that are tried, as far as people may think of changing them."""
+
+
+class Advice(NamedTuple):
+    """A change that meets everything.
+
+    Attributes:
+        setting: its name.
+        unit: its unit.
+        now: its value in the settings.
+        needed: the value that meets everything.
+        half: the value half-way, and what fails there.
+        fails: likewise.
+    """
+
+    setting: str
+    unit: str
+    now: float
+    needed: float
+    half: float
+    fails: str
+
+    @property
+    def words(self) -> str:
+        """The change as part of a sentence."""
+        unit = f" {self.unit}".rstrip().replace(" °", "°")
+        return f"{self.setting} = {self.needed:g}{unit} instead of {self.now:g}{unit}"
+
+
+def advise(spec: FingerSpec, designer: Designer) -> list[Advice]:
+    """For every lever that helps, its smallest change with which a run meets every requirement.
+
+    Args:
+        spec: settings whose requirements are not all met.
+        designer: what designs fingers; what it has designed for these settings is not done again.
+    """
+    units = {name: _unit(words) for name, _, words in fields(FingerSpec)}
+    found = []
+    for lever in LEVERS:
+        name = lever.setting
+        if not isinstance(value_of(spec, name), float):
+            continue  # as of the field of view of a lens that is sold
+        if (steps := _smallest(spec, lever, designer)) is not None:
+            needed, half = changed(spec, lever, steps), changed(spec, lever, steps / 2)
+            assert needed is not None  # as it was designed
+            fails = "; ".join(["refused"] if half is None else designer.missed(half))
+            now, then = value_of(spec, name), value_of(needed, name)
+            found.append(Advice(name, units[name], now, then, (now + then) / 2, fails))
+    return found
+
+
+def _smallest(spec: FingerSpec, lever: Lever, designer: Designer) -> float | None:
+    """Steps of the smallest change that meets everything; none if no change of it was found to."""
+    most = changed(spec, lever, lever.most)
+    if most is None or not designer.could_help(spec, most):
+        return None
+
+    def near(steps: int) -> bool:
+        """Whether a design near the one that was found meets everything."""
+        other = changed(spec, lever, steps)
+        return other is not None and designer.meets_near(other, spec)
+
+    def met(steps: float) -> bool:
+        other = changed(spec, lever, steps)
+        return other is not None and not designer.missed(other)
+
+    low, high = 0, lever.most
+    if not near(high):
+        return None
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if near(middle) else (middle, high)
+    while not met(high):
+        high += 1
+        if high > lever.most:
+            return None
+    steps = float(high)
+    while steps > LEAST and met(steps / 2):
+        steps /= 2
+    return steps
+
+
+def changed(spec: FingerSpec, lever: Lever, steps: float) -> FingerSpec | None:
+    """The settings with one changed by so many steps; none where they are refused."""
+    tables = spec.model_dump()
+    *path, last = lever.setting.split(".")
+    table = tables
+    for name in path:
+        table = table[name]
+    table[last] = round(table[last] + steps * lever.step, 9)
+    try:
+        return FingerSpec.model_validate(tables)
+    except ValidationError:
+        return None
+
+
+def value_of(spec: FingerSpec, setting: str) -> Any:
+    """The value of a setting by its name."""
+    return functools.reduce(getattr, setting.split("."), spec)
+
+
+def _unit(words: str) -> str:
+    """The unit at the end of a setting's description; empty if it has none."""
+    unit = words.rsplit("(", 1)[-1].split(")")[0] if words.endswith(")") else ""
+    return {"degrees": "°"}.get(unit, unit)
+
+
+def advice_rows(advice: Sequence[Advice]) -> Records:
+    """The table of the changes, each with the value half-way and what fails there."""
+    rows = Records()
+    for one in advice:
+        rows.add(**one._asdict())
+    return rows

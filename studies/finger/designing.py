@@ -1,0 +1,248 @@
+"""A finger designed for its requirements, and these line by line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from designopt.study.records import Records
+from designopt.study.study import Context
+from kinematics.io.assembling import Equations
+from kinematics.io.sketch import parse_sketch
+from kinematics.io.sketch_geometry import measure_sketch
+from studies.finger import FingerSpec
+from studies.models.checks import Check
+from studies.models.finger import PHALANGES, Finger
+from studies.models.grasp.analysis import Analysis, GraspCheck, analyze, summary
+from studies.models.grasp.spec import GraspSpec
+from studies.models.linkage_design.analysis import LinkageDesign, design_linkage, judged_design
+from studies.models.linkage_design.searching import search_on
+from studies.models.mirror_design.design import MirrorDesign, design_mirrors
+from studies.models.mirror_design.judging import percent_at_least
+from studies.models.mirror_design.placement import Placement
+from studies.models.mirror_design.requirements import COVERAGE, SHARPNESS, SPARE, optical_checks
+from studies.models.mirror_design.yields import Yield, monte_carlo
+
+PINCHES = 6
+"""Places on the distal pad at which it pinches."""
+
+SHORT_DEG = 2.0
+"""How far before the end of PIP's range free closing may begin to bend DIP, degrees."""
+
+OPTICAL = {
+    "yield": "yield with errors of assembly",
+    "blur": "largest blur spot",
+    "transmission": "light through layers",
+    "membrane": "membranes together",
+}
+"""Requirements on the optics that have lines of their own, and what these are called."""
+
+
+class FingerDesign(NamedTuple):
+    """A finger that was designed.
+
+    Attributes:
+        finger: itself.
+        linkage: its linkage.
+        mirrors: its camera and mirrors.
+        share: part of the fingers with errors of assembly that show everything.
+        closings: how it closes; ``None`` where its linkage does not assemble in every posture,
+            for then there is no closing to compute.
+        grasp: what these come to.
+    """
+
+    finger: Finger
+    linkage: LinkageDesign
+    mirrors: MirrorDesign
+    share: Yield
+    closings: Analysis | None
+    grasp: GraspCheck | None
+
+
+@dataclass
+class Designer:
+    """Designs fingers; what two of them have in common is designed once.
+
+    Attributes:
+        context: seed and progress of the run.
+    """
+
+    context: Context
+    _linkages: dict[str, LinkageDesign] = field(default_factory=dict)
+    _mirrors: dict[str, tuple[MirrorDesign, Yield]] = field(default_factory=dict)
+
+    def linkage(self, spec: FingerSpec) -> LinkageDesign:
+        """The linkage for its requirements."""
+        key = spec.linkage_spec().model_dump_json()
+        if key not in self._linkages:
+            # The first one's parts: others then need no compiled program of their own.
+            known = next(iter(self._linkages.values()), None)
+            near = None if known is None else known.search.near
+            with self.context.step("Linkage"):
+                linkage = design_linkage(spec.linkage_spec(), self.context.seed, near)
+            self._linkages[key] = linkage
+        return self._linkages[key]
+
+    def mirrors(self, spec: FingerSpec, finger: Finger) -> tuple[MirrorDesign, Yield]:
+        """Camera and mirrors in a finger's body, and their yield."""
+        key = _optics(spec)
+        if key not in self._mirrors:
+            self._mirrors[key] = self._designed(spec, finger)
+        found, share = self._mirrors[key]
+        return replace(found, finger=with_linkage(found.finger, finger)), share
+
+    def _designed(
+        self, spec: FingerSpec, finger: Finger, starts: Sequence[Placement] | None = None
+    ) -> tuple[MirrorDesign, Yield]:
+        found = design_mirrors(finger, spec.mirrors, self.context, starts)
+        with self.context.step("Yield of the mirrors"):
+            errors, seed = spec.mirrors.tolerances, self.context.seed
+            share = monte_carlo(found.finger, errors, draws=spec.yield_draws, seed=seed)
+        return found, share
+
+    def finger(self, spec: FingerSpec) -> FingerDesign:
+        """Linkage, mirrors and grasp of a finger for its requirements."""
+        linkage = self.linkage(spec)
+        mirrors, share = self.mirrors(spec, linkage.finger)
+        finger = mirrors.finger
+        if not linkage.verdict.assembles:
+            return FingerDesign(finger, linkage, mirrors, share, None, None)
+        body = spec.body
+        settings = GraspSpec(
+            body=body,
+            diameters=spec.spring.diameters,
+            pinch_pip_deg=[body.range_deg / 3, 2 * body.range_deg / 3],
+            pinch_at=np.linspace(body.gaps[1], body.distal - body.rim, PINCHES).tolist(),
+        )
+        with self.context.step("Grasp"):
+            closings = analyze(finger, settings, polygon=False)
+        return FingerDesign(finger, linkage, mirrors, share, closings, summary(closings))
+
+    def missed(self, spec: FingerSpec) -> list[str]:
+        """Names of the requirements that a run misses; those of the mirrors once the links meet."""
+        if missed := missed_by_linkage(spec, self.linkage(spec)):
+            return missed
+        lines = requirements(spec, self.finger(spec))
+        return list(lines.where(met="no")["requirement"])
+
+    def meets_near(self, spec: FingerSpec, other: FingerSpec) -> bool:
+        """Whether a design that begins with that for other settings meets these.
+
+        It is far quicker than `missed`, and may miss what a search from many starts finds.
+        """
+        own, start = spec.linkage_spec(), self.linkage(other)
+        linkage = start
+        if own != other.linkage_spec():
+            with self.context.step("Linkage nearby"):
+                linkage = judged_design(own, search_on(own, start.search), self.context.seed)
+        if missed_by_linkage(spec, linkage):
+            return False
+        mirrors, share = self.mirrors(other, start.finger)
+        if _optics(spec) != _optics(other):
+            known = [mirrors.trials[mirrors.chosen].placement]
+            mirrors, share = self._designed(spec, linkage.finger, known)
+        checks = optical_checks(mirrors.finger, mirrors.verdict, share, spec.mirrors)
+        return all(check.met for check in checks)
+
+    def could_help(self, spec: FingerSpec, other: FingerSpec) -> bool:
+        """Whether other settings concern all parts that miss something with these."""
+        linkage = self.linkage(spec)
+        if missed_by_linkage(spec, linkage) and spec.linkage_spec() == other.linkage_spec():
+            return False
+        mirrors, share = self.mirrors(spec, linkage.finger)
+        checks = optical_checks(mirrors.finger, mirrors.verdict, share, spec.mirrors)
+        met = all(check.met for check in checks)
+        return met or _optics(spec) != _optics(other)
+
+
+def missed_by_linkage(spec: FingerSpec, linkage: LinkageDesign) -> list[str]:
+    """Names of the requirements that a linkage misses."""
+    least = spec.linkage.limits.transmission_deg
+    angle = [] if linkage.verdict.least_deg > least else ["transmission angles"]
+    return angle + [check.name for check in linkage.unmet]
+
+
+def _optics(spec: FingerSpec) -> str:
+    """All settings that concern camera and mirrors, as one key."""
+    parts = spec.body, spec.linkage.links, spec.mirrors
+    return " ".join(part.model_dump_json() for part in parts)
+
+
+def with_linkage(finger: Finger, other: Finger) -> Finger:
+    """A finger with the pins, spring, links and motor of another of the same body."""
+    names = "pins", "spring", "links", "motor", "assembly"
+    return replace(finger, **{name: getattr(other, name) for name in names})
+
+
+def requirements(spec: FingerSpec, found: FingerDesign) -> Records:
+    """Table 3.1 line by line with this project's resolution, then the requirements of §3.1.2."""
+    end, limits, floor = spec.body.range_deg, spec.linkage.limits, spec.mirrors.floor
+    linkage, width, unmet = found.linkage.verdict, found.linkage.width, found.linkage.unmet
+    seen, sharp = found.mirrors.verdict.worst_coverage, found.mirrors.verdict.worst_px_per_mm
+    lines = Records()
+
+    def line(requirement: str, category: str, required: str, achieved: str, met: bool) -> None:
+        """As in Table 3.1; the category is where in the text it stands, or whose it is, too."""
+        words = {"required": required, "achieved": achieved, "met": "yes" if met else "no"}
+        lines.add(requirement=requirement, category=category, **words)
+
+    phalanges = len(set(PHALANGES) & set(found.finger.linkage_tables()["bodies"]))
+    line("phalanges", "Geometry", "3", str(phalanges), phalanges == 3)
+    freedoms = degrees_of_freedom(found.finger)
+    line("degrees of freedom", "Geometry", "2", str(freedoms), freedoms == 2)
+    line("motors", "Hardware", "1", "1, at the crank (by construction)", True)
+    line("cameras", "Hardware", "1", "1, in the intermediate phalanx (by construction)", True)
+    parts = f"at least {percent_at_least(seen)} of each in every posture"
+    asked = "all, in every posture"
+    line("sensing segments visible", "Tactile sensing", asked, parts, seen == 1.0)
+    asked = f"≥ {floor:g} px/mm"
+    line("resolution of the pads", "this project", asked, f"{sharp:.2f} px/mm", sharp >= floor)
+    checks = optical_checks(found.finger, found.mirrors.verdict, found.share, spec.mirrors)
+    others = [one for one in checks if one.name not in (COVERAGE, SHARPNESS)]
+    for check in others:
+        if check.name in OPTICAL:
+            line(OPTICAL[check.name], "this project", *in_words(check), check.met)
+    rooms = [one for one in others if one.name not in OPTICAL and not one.name.startswith(SPARE)]
+    amounts = [f"{one.name} {one.achieved:.3g} mm" for one in rooms if not one.met]
+    asked, kept = f"≥ {spec.mirrors.room.clearance:g} mm, camera inside", "every clearance kept"
+    reached = "; ".join(amounts) or kept
+    line("clearance of mirrors, mounts and camera", "this project", asked, reached, not amounts)
+    asked, least = f"> {limits.transmission_deg:g}°", linkage.least_deg
+    met = least > limits.transmission_deg
+    line("transmission angles", "Transmission", asked, f"{least:.2f}°", met)
+    reached = f"{end:g}° each" if linkage.assembles else "not in every posture"
+    asked = f"0 to {end:g}°"
+    line("range of motion of each joint", "Transmission", asked, reached, linkage.assembles)
+    asked, crank = f"≤ {limits.crank_range_deg:g}°", linkage.crank_range_deg
+    line("range of the crank", "§3.1.2", asked, f"{crank:.1f}°", crank <= limits.crank_range_deg)
+    asked, reached = f"≤ {width.required:g} mm", f"{width.achieved:g} mm"
+    line("width with pads, LED strips, walls and links", "§3.1", asked, reached, width.met)
+    name = "links inside the phalanges, apart, away from lock-up"
+    amounts = [f"{one.name} {one.achieved:.3g} {one.unit}".strip() for one in unmet]
+    line(name, "§3.1.2", "every limit kept", "; ".join(amounts) or "every limit kept", not unmet)
+    if found.grasp is not None:
+        straight, touching = found.grasp.free_closing_pip_deg, found.grasp.adaptive_dip_deg
+        name, asked = "pinch: DIP stays straight while PIP closes freely", end - SHORT_DEG
+        reached = f"to PIP {straight:.0f}°"
+        line(name, "§3.1.2", f"to {asked:g}° or beyond", reached, straight >= asked)
+        name = "adaptive: DIP closes when the intermediate pad is held"
+        reached = "distal pad never touches"
+        if touching > 0:
+            reached = f"distal pad touches at DIP {touching:.1f}°"
+        line(name, "§3.1.2", "until the distal pad touches", reached, touching > 0)
+    return lines
+
+
+def in_words(check: Check) -> tuple[str, str]:
+    """A requirement and what is achieved."""
+    sign, unit = "≥" if check.at_least else "≤", f" {check.unit}".rstrip()
+    return f"{sign} {check.required:g}{unit}", f"{check.achieved:.4g}{unit}"
+
+
+def degrees_of_freedom(finger: Finger) -> int:
+    """Kutzbach's count of the linkage: 3 (L − 1) − 2 J."""
+    sketch = parse_sketch(finger.linkage_tables(), "finger")
+    return Equations(measure_sketch(sketch, "finger").dimensions).kutzbach
