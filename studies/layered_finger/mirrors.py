@@ -27,7 +27,6 @@ from studies.models.mirror_design.placement import (
     reference_layout,
     scale,
 )
-from studies.models.mirror_design.problem import CLEARANCE_SCALE
 from studies.models.mirror_design.seeing import together
 from studies.models.mirror_design.spec import MirrorSpec
 
@@ -39,6 +38,9 @@ TEMPERATURES = (0.05, 0.01, 0.002)
 
 PART = 0.1
 """Of a pad, that counts as 1."""
+
+CLEARANCE_SCALE = 10.0
+"""A clearance that is missing by so much, mm, counts as 1."""
 
 KEPT_FREE = 5.0
 """Camera and mirrors stay so far from the membranes, besides their clearance: no layers are

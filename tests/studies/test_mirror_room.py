@@ -6,6 +6,7 @@ import math
 import tomllib
 from dataclasses import replace
 from typing import Any
+from unittest.mock import Mock
 
 import equinox as eqx
 import jax
@@ -24,11 +25,12 @@ from studies.models.body import BodySpec
 from studies.models.checks import Check, requirement_rows
 from studies.models.finger import Body, Finger, Phalanx, camera_of
 from studies.models.finger_file import format_finger, packaged_finger, parse_finger
-from studies.models.mirror_design import problem, requirements
+from studies.models.mirror_design import design as designing
+from studies.models.mirror_design import problem, requirements, yields
 from studies.models.mirror_design.clearances import clearance_checks, find_clearances
 from studies.models.mirror_design.design import MirrorDesign, Trial, no_multipliers
-from studies.models.mirror_design.errors import error_names, perturb
-from studies.models.mirror_design.judging import judged, seen_by_rays
+from studies.models.mirror_design.errors import error_names, perturb, sample_errors
+from studies.models.mirror_design.judging import Verdict, judged, seen_by_rays
 from studies.models.mirror_design.placement import bounds, free_part, poor_layout, reference_layout
 from studies.models.mirror_design.seeing import least_spare, pad_lengths
 from studies.models.mirror_design.spec import CameraSpec, MirrorSpec
@@ -244,11 +246,43 @@ def test_prices_are_slopes_of_the_objective():
     trial = Trial(free_part(poor), free_part(poor), 0.0, 0.0, 1, 0.0, held)
     design = MirrorDesign(poor, [trial], [], [task], 0)
     found = requirements.prices(design, spec)
-    # One mm less asked raises the level by 1/10: 3/10 % of a pad.
-    assert found["distal mirror from the camera"] == (pytest.approx(0.3), "% of a pad per mm")
+    # One mm less asked raises the scaled level by 1/2 (2 mm count as 1): 3/2 % of a pad.
+    assert found["distal mirror from the camera"] == (pytest.approx(1.5), "% of a pad per mm")
     assert found["px/mm"] == (pytest.approx(0.2), "% of a pad per px/mm")
     rows = requirement_rows([Check("px/mm", 2.5, 2.4, "px/mm"), Check("a", 1, 2)], found)
     assert isinstance(rows, Records)
     assert rows["met"].tolist() == ["no", "yes"]
     assert rows["price"].tolist() == [pytest.approx(0.2), 0.0]
     np.testing.assert_allclose(rows["margin"], [-0.1, 1.0])
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_errors_that_hide_something_are_looked_at(monkeypatch, kept):
+    """Two of the draws hide parts in known postures; what is found counts only if it is clear."""
+    spec = MirrorSpec.model_validate({"least_yield": 1.0, "search": {"copies": 4, "poses": 2}})
+    poor = poor_layout(BARE, spec.camera)
+    task, angles = problem.Task.of(poor, spec, 0), yields.postures(poor)
+    hidden = np.zeros((designing.FAILURE_DRAWS, len(angles), 3))
+    hidden[3, [10, 20], 0], hidden[7, [40, 50], 2] = [0.1, 0.2], [0.5, 0.4]
+    answers, tasks = [1 - hidden, np.ones_like(hidden)], []
+    first = Trial(free_part(poor), free_part(poor), 0.0, 0.0, 1, 0.0, no_multipliers(task))
+
+    def search(start, limits, given, *_):
+        tasks.extend(given)
+        return first._replace(start=start, objective=1.0)
+
+    verdict = Mock(spec=Verdict)
+    verdict.meets.return_value = True
+    monkeypatch.setattr(designing, "search", search)
+    monkeypatch.setattr(designing, "coverages", lambda *_: answers.pop(0))
+    monkeypatch.setattr(designing, "judged", lambda _: verdict)
+    lines = (Check("clearance", 1.0, 1.0 if kept else 0.9),)
+    monkeypatch.setattr(designing, "clearance_checks", lambda *_: lines)
+    found, _ = designing._with_failures((first, verdict), poor, task, (poor, poor), spec, 5)
+    assert found.objective == (1.0 if kept else 0.0)
+    (looked,) = tasks
+    errors = 1.2 * sample_errors(spec.tolerances, 2, designing.FAILURE_DRAWS, 5)[[7, 3]]
+    own = slice(task.plain, task.plain + 2)
+    np.testing.assert_allclose(looked.errors[own], errors)
+    np.testing.assert_allclose(np.rad2deg(looked.angles[own]), angles[[[40, 50], [20, 10]]])
+    np.testing.assert_array_equal(looked.errors[task.plain + 2 :], task.errors[task.plain + 2 :])

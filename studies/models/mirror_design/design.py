@@ -29,6 +29,7 @@ from designopt.optimize import Evaluation, draw_sobol_starts
 from designopt.study.study import Context
 from studies.models.finger import PHALANGES, Finger
 from studies.models.mirror_design.clearances import clearance_checks
+from studies.models.mirror_design.errors import sample_errors
 from studies.models.mirror_design.judging import Verdict, judged
 from studies.models.mirror_design.placement import (
     Placement,
@@ -38,6 +39,7 @@ from studies.models.mirror_design.placement import (
     reference_layout,
     scale,
 )
+from studies.models.mirror_design.postures import ROUNDING
 from studies.models.mirror_design.problem import (
     Look,
     Task,
@@ -48,7 +50,7 @@ from studies.models.mirror_design.problem import (
     put_in,
 )
 from studies.models.mirror_design.spec import MirrorSpec
-from studies.models.mirror_design.yields import monte_carlo
+from studies.models.mirror_design.yields import coverages, monte_carlo, postures
 
 Multipliers = dict[str, Float[Array, "..."]]
 """Of the inequalities, by name."""
@@ -80,6 +82,10 @@ HIDDEN = 0.01
 
 DRAWS = 100
 """Random draws of the errors, by which trials that meet the requirements are ranked."""
+
+FAILURE_DRAWS, FAILURE_ROUNDS, FAILURE_GROWTH = 400, 7, 1.2
+"""Draws among which errors are looked for that hide something, how often at most, and by how much
+larger these errors are looked at."""
 
 SHARE = 0.1
 """Of the Lagrangian, which is what the solver sees: its first steps, for it begins with the
@@ -210,6 +216,11 @@ def design_mirrors(
             better = _with_worst(trials[chosen], poor, tasks, limits, spec.floor, exchanges)
         trials[chosen], verdicts[chosen] = better
         exchanges = 0
+    if verdicts[chosen].meets(spec.floor):
+        with context.step("Errors that hide something"):
+            found = trials[chosen], verdicts[chosen]
+            found = _with_failures(found, poor, tasks[-1], limits, spec, context.seed + 2)
+        trials[chosen], verdicts[chosen] = found
     best = put_in(trials[chosen].placement, poor)
     return MirrorDesign(best, trials, verdicts, tasks, chosen)
 
@@ -245,6 +256,50 @@ def _with_worst(
         now = more, judged(put_in(more.placement, poor))
         best = max(best, now, key=lambda one: one[1].quality(floor))
     return best
+
+
+def _with_failures(
+    found: tuple[Trial, Verdict],
+    poor: Finger,
+    task: Task,
+    limits: tuple[Placement, Placement],
+    spec: MirrorSpec,
+    seed: int,
+) -> tuple[Trial, Verdict]:
+    """A trial searched on with errors that hide something in it, and the verdict on it.
+
+    As in `_with_worst`, but with errors: of a sample of these, the ones that hide most take the
+    place of half of the copies, in the postures in which they do. What then hides less often
+    counts, if it still meets all else.
+    """
+    errors = sample_errors(spec.tolerances, len(poor.mirrors), FAILURE_DRAWS, seed)
+    half, poses = task.copies // 2, task.angles.shape[1]
+    copies = slice(task.plain, task.plain + half)
+    now, best, least = found[0], found[0], np.inf
+    for number in range(FAILURE_ROUNDS + 1):
+        made = put_in(now.placement, poor)
+        hidden = 1 - np.min(coverages(made, errors), axis=2)
+        most = np.max(hidden, axis=1)
+        failed = np.argsort(-most)[: np.sum(most > ROUNDING)]
+        if len(failed) < least:
+            best, least = now, len(failed)
+        if least <= (1 - spec.least_yield) / 2 * len(errors) or number == FAILURE_ROUNDS:
+            break
+        own = np.resize(failed, half)
+        worst = np.argsort(-hidden[own], axis=1)[:, :poses]
+        angles = np.deg2rad(postures(made))[worst]
+        task = replace(
+            task,
+            errors=task.errors.at[copies].set(FAILURE_GROWTH * errors[own]),
+            angles=task.angles.at[copies].set(angles),
+        )
+        more = search(now.placement, limits, [task], None, STAGES[-1:], now.multipliers)
+        steps, seconds = more.steps + now.steps, more.seconds + now.seconds
+        now = more._replace(start=now.start, steps=steps, seconds=seconds)
+    made = put_in(best.placement, poor)
+    verdict = judged(made)
+    clear = all(one.met for one in clearance_checks(made, spec.room.clearance))
+    return (best, verdict) if clear and verdict.meets(spec.floor) else found
 
 
 def _without(multipliers: Multipliers, task: Task, number: int) -> Multipliers:
