@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -128,6 +129,20 @@ class Flat:
                 return f"{bounded.words(index)} at its {side} bound", bounded.unit, amount
             left -= leaf.size
         raise IndexError(place)
+
+
+def column_slopes(function: Callable[[Point], Any], point: Point) -> Any:
+    """Derivatives of a function's arrays by a vector, which has the last axis, and their values.
+
+    One direction after the other by one linear program: `jax.jacfwd` carries all directions through
+    every operation at once, which took three times as long for thousands of requirements.
+
+    Returns:
+        The values, and the derivatives.
+    """
+    values, push = jax.linearize(function, point)
+    columns = jax.lax.map(push, jnp.eye(point.size, dtype=point.dtype))
+    return values, jax.tree.map(lambda part: jnp.moveaxis(part, 0, -1), columns)
 
 
 def _joined(arrays: dict[str, Float[Array, "..."]], dtype: jnp.dtype) -> Float[Array, " all"]:

@@ -25,7 +25,7 @@ from jaxtyping import Float
 from scipy.optimize import nnls
 
 from designopt.optimize.augmented_lagrangian import Trace
-from designopt.optimize.flat import Flat, Given, Point
+from designopt.optimize.flat import Flat, Given, Point, column_slopes
 from designopt.optimize.problem import BOUND, Parameters, Problem, describe_by_index
 from designopt.solution import Solution
 
@@ -113,11 +113,9 @@ def make_optimality_check(flat: Flat) -> Callable[[Point, Given, Trace], Optimum
 
         def parts(point: Point) -> Any:
             terms, h, g = now.evaluated(point)
-            value = (terms.value, h, jnp.concatenate([g, now.bounds(point)]))
-            return value, value
+            return terms.value, h, jnp.concatenate([g, now.bounds(point)])
 
-        slopes, values = jax.jacfwd(parts, has_aux=True)(point)
-        return values, slopes
+        return column_slopes(parts, point)
 
     shapes = jax.eval_shape(flat.terms, jnp.asarray(flat.units))
     equalities = {name: part.shape for name, part in sorted(shapes.equalities.items())}

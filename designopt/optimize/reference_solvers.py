@@ -16,7 +16,7 @@ import scipy.optimize
 from jaxtyping import Float
 
 from designopt.optimize.augmented_lagrangian import Trace
-from designopt.optimize.flat import Flat, Given
+from designopt.optimize.flat import Flat, Given, column_slopes
 from designopt.optimize.problem import Parameters, Problem
 
 Reference = Literal["slsqp", "trust-constr"]
@@ -51,7 +51,9 @@ def compile_reference(
 
     value_and_slope = compiled(jax.value_and_grad(lambda z, d: flat.given(d).terms(z).value))
     levels = compiled(lambda z, d: jnp.concatenate(flat.given(d).evaluated(z)[1:]))
-    slopes = compiled(jax.jacfwd(lambda z, d: jnp.concatenate(flat.given(d).evaluated(z)[1:])))
+    slopes = compiled(
+        lambda z, d: column_slopes(lambda q: jnp.concatenate(flat.given(d).evaluated(q)[1:]), z)[1]
+    )
 
     def part_of(function: Callable[[Any], Any], part: slice) -> Callable[[Any], Any]:
         return lambda x: function(x)[part]
