@@ -114,7 +114,7 @@ class Designer:
         settings = GraspSpec(
             body=body,
             diameters=spec.spring.diameters,
-            pinch_pip_deg=[body.range_deg / 3, 2 * body.range_deg / 3],
+            pinch_pip_deg=[body.ranges_deg[0] / 3, 2 * body.ranges_deg[0] / 3],
             pinch_at=np.linspace(body.gaps[1], body.distal - body.rim, PINCHES).tolist(),
         )
         with self.context.step("Grasp"):

@@ -91,7 +91,7 @@ def add_numbers(out: Report, found: Analysis, check: GraspCheck) -> None:
     touched = f", until the distal pad touches at {check.adaptive_dip_deg:.2f}°"
     out.say(
         "closing",
-        range_deg=body.range_deg,
+        range_deg=body.ranges_deg[0],
         touched=", and the distal pad never touches"
         if math.isnan(check.adaptive_dip_deg)
         else touched,
@@ -204,8 +204,9 @@ def add_figures(out: Report, found: Analysis, shown: dict[str, Records]) -> None
     ratio, middle = found.relative_pull, float(body.intermediate)
     places = least_place(ratio, found.angles[None, :], middle)
     maps = {"φ₂/φ₁": ratio, "least k₂ with f₁ > 0 (mm)": places}
-    low, high = float(body.axis_height), float(body.distal - body.rim)
-    drawing = draw_over_postures((np.degrees(found.angles),) * 2, maps)
+    low, high = float(body.gaps[1]), float(body.distal - body.rim)
+    degrees = np.degrees(found.angles)
+    drawing = draw_over_postures((degrees, degrees), maps)
     out.figure("stability_map", drawing, low=low, high=high)
     columns = ("pip_deg", "dip_deg", "f1_n", "f2_n")
     circles = lines(shown["circles"], "diameter_mm", columns, names=NAMES, height=5.6)

@@ -241,14 +241,18 @@ def middle_parts(tables: dict[str, Any]) -> dict[str, tuple[str, Pieces]]:
     parts: dict[str, tuple[str, Pieces]] = {}
     if "camera" in tables:
         parts["camera"] = "intermediate", camera_pieces(tables["camera"], dorsal)
+    mirrors: dict[str, tuple[str, Pieces]] = {}
     for mirror in tables.get("mirrors", ()):
         start, end = (complex(x, dorsal - depth) for x, depth in (mirror["from"], mirror["to"]))
         # The proximal mirror reflects on its left, the distal one on its right: to the pads.
         behind = {"proximal": -1j, "distal": 1j}[mirror["phalanx"]] * (end - start)
         mount = mirror.get("mount", MOUNT) * behind / abs(behind)
         corners = [start, end, end + mount, start + mount]
-        parts[f"{mirror['phalanx']} mirror"] = mirror["phalanx"], [corners]
+        number = sum(phalanx == mirror["phalanx"] for phalanx, _ in mirrors.values()) + 1
+        name = f"{mirror['phalanx']} mirror" + (f" {number}" if number > 1 else "")
+        mirrors[name] = mirror["phalanx"], [corners]
     pads = pad_pieces(body, tables.get("pads", {}))
+    parts |= mirrors
     return parts | {f"{phalanx} pad": (phalanx, pieces) for phalanx, pieces in pads.items()}
 
 

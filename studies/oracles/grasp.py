@@ -35,9 +35,10 @@ class Setting:
     Attributes:
         pins: C, D, E, F, G, H in the straight finger.
         lengths: intermediate and distal phalanx.
-        axis_height: h.
+        depth: of the pads below the axes.
+        starts: how far from PIP and from DIP axis the pads beside it begin.
         rim: how far before the tip the distal pad ends.
-        limit: upper stop of both joints.
+        limits: upper stops of PIP and DIP.
         spring, servo: stiffnesses of the spring at the plate and of the motor.
         preload: how far the spring is wound in the straight finger.
         command: the motor's angle.
@@ -46,9 +47,10 @@ class Setting:
 
     pins: Mapping[str, complex]
     lengths: tuple[float, float]
-    axis_height: float
+    depth: float
+    starts: tuple[float, float]
     rim: float
-    limit: float
+    limits: tuple[float, float]
     spring: float
     servo: float
     preload: float
@@ -115,14 +117,15 @@ def energy(setting: Setting, pip: Any, dip: Any, ctx: Any = mpmath.mp) -> Any:
 def gaps(setting: Setting, pip: Any, dip: Any, ctx: Any = mpmath.mp) -> tuple[Any, Any]:
     """Gaps of the circle to both pads, mm."""
     assert setting.circle is not None
-    (middle, tip), h, (center, radius) = setting.lengths, setting.axis_height, setting.circle
+    (middle, tip), (center, radius) = setting.lengths, setting.circle
+    first, second = setting.starts
     found = []
-    for axis, turn, length in (
-        (ctx.mpc(0), pip, middle - 2 * h),
-        (middle * ctx.expj(-pip), pip + dip, tip - setting.rim - h),
+    for axis, turn, start, length in (
+        (ctx.mpc(0), pip, first, middle - first - second),
+        (middle * ctx.expj(-pip), pip + dip, second, tip - setting.rim - second),
     ):
         place = (center - axis) * ctx.expj(turn)
-        along, below = place.real - h, -h - place.imag
+        along, below = place.real - start, -setting.depth - place.imag
         beyond = along - min(max(along, ctx.mpf(0)), ctx.mpf(length))
         found.append((below if beyond == 0 else ctx.hypot(beyond, below)) - radius)
     return found[0], found[1]
@@ -136,7 +139,7 @@ def minimize(setting: Setting, guess: np.ndarray) -> np.ndarray:
         guess,
         method="SLSQP",
         jac="3-point",
-        bounds=[(0.0, setting.limit)] * 2,
+        bounds=[(0.0, limit) for limit in setting.limits],
         constraints={
             "type": "ineq",
             "fun": lambda joints: np.array(gaps(setting, *joints.tolist(), ctx=mpmath.fp)),
@@ -210,10 +213,10 @@ def solve(
     joints, forces, moments, gap = state(unknown)
     right = all(force >= -tiny * servo for force in forces)
     right &= all(closed[i] or gap[i] >= -tiny for i in range(2))
-    for angle, stop, moment in zip(joints, held, moments, strict=True):
+    for angle, limit, stop, moment in zip(joints, setting.limits, held, moments, strict=True):
         if stop is not None:
             right &= (moment >= -tiny * unit) if stop == 0 else (moment <= tiny * unit)
-        right &= -tiny <= angle <= setting.limit + tiny
+        right &= -tiny <= angle <= limit + tiny
     motor = servo * (setting.command - crank(setting, *joints))
     return Exact((joints[0], joints[1]), motor, (forces[0], forces[1]), bool(right))
 

@@ -87,7 +87,7 @@ def expected_of(kind):
 def expected(pins, flexion):
     """Angles (degrees), the crank's turn (rad) and places by the oracle's circles, squares."""
     was = {name: complex(*np.asarray(getattr(pins, name))) for name in "CDEFGH"}
-    setting = Setting(was, (float(BODY.intermediate), 0.0), *[0.0] * 7, circle=None)
+    setting = Setting(was, (float(BODY.intermediate), 0.0), *[0.0] * 8, circle=None)
     angles = {name: np.zeros((len(flexion),) * 2) for name in SYMBOLS}
     crank, places = np.zeros((len(flexion),) * 2), {}
     for i, j in np.ndindex(crank.shape):

@@ -136,7 +136,8 @@ def test_layers_that_cannot_be_are_refused(change, message):
 
 def setting_of(finger: Finger) -> Setting:
     pins = {name: complex(*np.asarray(getattr(finger.pins, name)).tolist()) for name in "CDEFGH"}
-    given = {"axis_height": 4.0, "rim": 1.5, "limit": math.pi / 2, "spring": 30.0, "servo": 300.0}
+    given = {"depth": 4.0, "starts": (4.0, 4.0), "rim": 1.5, "limits": (math.pi / 2,) * 2}
+    given |= {"spring": 30.0, "servo": 300.0}
     return Setting(pins, (23.0, 32.0), **given, preload=0.3, command=0.0, circle=None)
 
 

@@ -93,7 +93,7 @@ def analyze(finger: Finger, spec: GraspSpec, *, polygon: bool = True) -> Analysi
     def close(thing: Object | None) -> Path:
         return close_all([cases.problem_of(finger, thing)], motion[None])[0]
 
-    angles = np.linspace(0, float(body.flexion), 46)
+    angles = np.linspace(0, math.radians(body.range_deg), 46)
     ratios = ratio_map(finger, angles)
     return Analysis(
         finger=finger,
@@ -149,10 +149,10 @@ def formula_error(path: Path) -> float:
         return math.nan
     finger, spring = path.problem.finger, path.problem.spring
     body = jax.tree.map(np.asarray, finger.body)
-    limit, edge = body.flexion, body.axis_height + 1e-6
+    limit, edge = np.asarray(path.problem.limit), np.stack(finger.body.gaps) + 1e-6
     inside = path.ok & np.all((path.joints > 1e-6) & (path.joints < limit - 1e-6), axis=1)
     inside &= np.all(path.gaps < 1e-7, axis=1) & np.all(path.along > edge, axis=1)
-    inside &= path.along[:, 0] < body.intermediate - edge
+    inside &= path.along[:, 0] < body.intermediate - edge[1]
     inside &= path.along[:, 1] < body.distal - body.rim - 1e-6
     if not inside.any():
         return math.nan

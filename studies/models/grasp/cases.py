@@ -61,15 +61,20 @@ class Touch(NamedTuple):
     radius: float
 
 
+def _depth(body: Body) -> float:
+    """Of the pads below the axes, mm."""
+    return float(body.axis_height + body.protrusion)
+
+
 def check_touch(body: Body) -> Touch:
     """The circle of the reference value (PIP 30°, k₁ = 11.5 mm, 12 mm), for any body.
 
     It touches halfway between the joints at a third of the range, and is so large that the distal
     pad touches it within the range.
     """
-    stop, place = float(body.flexion), float(body.intermediate) / 2
-    radius = place / math.tan(WRAP * stop / 2) - float(body.axis_height)
-    return Touch(stop / 3, place, max(CHECK_RADIUS, radius))
+    (pip, dip), place = map(float, body.flexions), float(body.intermediate) / 2
+    radius = place / math.tan(WRAP * dip / 2) - _depth(body)
+    return Touch(pip / 3, place, max(CHECK_RADIUS, radius))
 
 
 def circle_on_pad(body: Body, diameter: float, place: float) -> Circle:
@@ -80,8 +85,8 @@ def circle_on_pad(body: Body, diameter: float, place: float) -> Circle:
     Small circles move nearer, so that this is within reach.
     """
     radius = diameter / 2
-    farthest = (radius + float(body.axis_height)) * math.tan(REACH * float(body.flexion) / 2)
-    return Circle(np.array([-min(place, farthest), float(body.palmar) - radius]), radius)
+    farthest = (radius + _depth(body)) * math.tan(REACH * float(body.flexion) / 2)
+    return Circle(np.array([-min(place, farthest), -_depth(body) - radius]), radius)
 
 
 def wrapped_dip(body: Body, place: float, radius: float) -> float:
@@ -89,7 +94,7 @@ def wrapped_dip(body: Body, place: float, radius: float) -> float:
 
     In closed form, for B is equally far from both tangents: 2 atan((l − k₁) / (r + h)), rad.
     """
-    over, across = float(body.intermediate) - place, radius + float(body.axis_height)
+    over, across = float(body.intermediate) - place, radius + _depth(body)
     return 2 * math.atan(over / across)
 
 

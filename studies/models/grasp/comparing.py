@@ -60,15 +60,17 @@ def setting_of(problem: Problem, command: float) -> exact.Setting:
     """A problem in plain numbers, as the oracle takes it; of objects it takes circles."""
     finger, thing = problem.finger, problem.thing
     body, spring = jax.tree.map(float, (finger.body, problem.spring))
+    (first, second), (pip, dip) = finger.body.gaps, finger.body.flexions
     circle = None
     if isinstance(thing, Circle):
         circle = complex(*thing.center.tolist()), float(thing.radius)
     return exact.Setting(
         pins={name: complex(*getattr(finger.pins, name).tolist()) for name in "CDEFGH"},
         lengths=(body.intermediate, body.distal),
-        axis_height=body.axis_height,
+        depth=body.axis_height + body.protrusion,
+        starts=(float(first), float(second)),
         rim=body.rim,
-        limit=body.flexion,
+        limits=(float(pip), float(dip)),
         spring=spring.stiffness,
         servo=spring.servo,
         preload=spring.preload,
@@ -79,10 +81,10 @@ def setting_of(problem: Problem, command: float) -> exact.Setting:
 
 def holds(path: Path, state: int) -> tuple[tuple[float | None, float | None], np.ndarray]:
     """The stop on which each joint rests, or ``None``, and which contacts are closed."""
-    limit = float(path.problem.finger.body.flexion)
+    limits = map(float, path.problem.finger.body.flexions)
     pip, dip = (
         0.0 if angle < SHUT else limit if angle > limit - SHUT else None
-        for angle in path.joints[state].tolist()
+        for angle, limit in zip(path.joints[state].tolist(), limits, strict=True)
     )
     return (pip, dip), path.gaps[state] < SHUT
 

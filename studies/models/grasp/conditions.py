@@ -62,9 +62,9 @@ class Problem(eqx.Module):
         return self.finger.body.intermediate
 
     @property
-    def limit(self) -> Float[Array, ""]:
-        """Upper stop of both joints, rad."""
-        return self.finger.body.flexion
+    def limit(self) -> Float[Array, "2"]:
+        """Upper stops of PIP and DIP, rad."""
+        return jnp.stack(self.finger.body.flexions)
 
 
 class Unknowns(eqx.Module):

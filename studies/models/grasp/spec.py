@@ -10,6 +10,9 @@ from designopt.io.spec import Spec
 from designopt.study.settings import setting
 from studies.models.body import BodySpec
 
+ROUNDING = 1e-9
+"""mm."""
+
 Coordinate = Annotated[float, Field(ge=-1e3, le=1e3)]
 Place = tuple[Coordinate, Coordinate]
 Stiffness = Annotated[float, Field(ge=1e-6, le=1e6)]
@@ -63,7 +66,7 @@ class GraspSpec(Spec):
         [30.0, 60.0], "PIP at which the straight distal pad pinches (°)", free=True, min_length=1
     )
     pinch_at: list[PositiveFloat] = setting(
-        [4.0, 8.0, 12.0, 16.0, 20.0, 30.0],
+        [5.0, 8.0, 12.0, 16.0, 20.0, 30.0],
         "k₂, distances of the pinched contact from the DIP axis (mm)",
         free=True,
         min_length=1,
@@ -74,13 +77,14 @@ class GraspSpec(Spec):
 
     @model_validator(mode="after")
     def _pinches_within_reach(self) -> GraspSpec:
-        if max(self.pinch_pip_deg) > self.body.range_deg:
+        range_deg = self.body.ranges_deg[0]
+        if max(self.pinch_pip_deg) > range_deg:
             raise ValueError(
                 f"pinch_pip_deg ({max(self.pinch_pip_deg):g}°) lies beyond body.range_deg "
-                f"({self.body.range_deg:g}°): pinch within the range"
+                f"({range_deg:g}°): pinch within the range"
             )
-        start, end = self.body.axis_height, self.body.distal - self.body.rim
-        if not start <= min(self.pinch_at) <= max(self.pinch_at) <= end:
+        start, end = self.body.gaps[1], self.body.distal - self.body.rim
+        if not start - ROUNDING <= min(self.pinch_at) <= max(self.pinch_at) <= end:
             raise ValueError(
                 f"pinch_at lies beside the distal pad, which reaches from {start:g} to {end:g} mm"
             )

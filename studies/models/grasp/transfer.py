@@ -106,9 +106,9 @@ def pads(body: Body, joints: Joints) -> tuple[Pad, Pad]:
     """The pads of the intermediate and of the distal phalanx; see `Body` for where they end."""
     inner, outer = rotation(-joints[0]), rotation(-joints[0] - joints[1])
     axis_b = inner.scaled(body.intermediate)
-    h = body.axis_height
-    corner = Vector(h, body.palmar)
+    (pip, dip), down = body.gaps, body.palmar - body.protrusion
+    first, second = Vector(pip, down).turned(inner), Vector(dip, down).turned(outer)
     return (
-        Pad(corner.turned(inner), inner, body.intermediate - 2 * h, h),
-        Pad(axis_b + corner.turned(outer), outer, body.distal - body.rim - h, h),
+        Pad(first, inner, body.intermediate - pip - dip, pip),
+        Pad(axis_b + second, outer, body.distal - body.rim - dip, dip),
     )

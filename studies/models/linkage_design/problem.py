@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import combinations
@@ -89,14 +90,21 @@ def pin_places(finger: Finger) -> dict[str, Float[np.ndarray, "2"]]:
     return places
 
 
+USUAL_DEG = 90.0
+"""Usual range of a joint, degrees."""
+
 Angles = Float[np.ndarray, " angles"]
 """Flexion of one joint, rad."""
 
 
 def grids(body: Body, step_deg: float) -> tuple[Angles, Angles]:
-    """Flexion of PIP and of DIP from straight to the end of its range, both included, rad."""
+    """Flexion of PIP and of DIP from straight to the end of its range, both included, rad.
+
+    A shorter range than `USUAL_DEG` has as many angles as that one, in smaller steps, for a
+    compiled program is for one number of postures.
+    """
     pip, dip = (
-        np.deg2rad(np.linspace(0.0, end, int(np.ceil(end / step_deg - 1e-9)) + 1))
+        np.deg2rad(np.linspace(0.0, end, math.ceil(max(end, USUAL_DEG) / step_deg - 1e-9) + 1))
         for end in body.ranges_deg
     )
     return pip, dip

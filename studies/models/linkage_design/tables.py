@@ -15,7 +15,7 @@ from studies.models.linkage_design.spec import LimitsSpec
 from studies.models.pins import pin_name
 
 EVERY = 5
-"""Degrees between the rows of the trajectories."""
+"""Of the verdict's angles every so many make a row of the trajectories."""
 
 
 def add_tables(out: Report, limits: LimitsSpec, design: LinkageDesign) -> None:

@@ -1,0 +1,201 @@
+"""The study itself: random fingers, each designed, judged by others, and helped where it fails."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+from pydantic import ValidationError
+from scipy.stats import qmc
+
+from designopt.errors import UserError
+from designopt.study.records import Records
+from designopt.study.report import Report
+from designopt.study.results import Results
+from designopt.study.study import Context
+from optics import find_coverage
+from studies.finger import FingerSpec
+from studies.finger.advice import advise
+from studies.finger.designing import Designer, FingerDesign, requirements
+from studies.finger.verdicts import FingerVerdictsSpec
+from studies.models.finger import Finger
+from studies.models.finger_file import write_finger
+from studies.models.linkage_design.clearances import (
+    find_face_meetings,
+    find_free_meetings,
+    name_of,
+)
+from studies.models.mirror_design.clearances import clearance_checks
+from studies.oracles.clearances import polygon_clearances
+from studies.oracles.judge.engine import load_mitsuba
+from studies.oracles.traced_coverage import traced_coverage
+
+BOUNDS = {
+    "thickness": (16.0, 30.0),
+    "proximal": (20.0, 50.0),
+    "intermediate": (20.0, 50.0),
+    "distal": (20.0, 50.0),
+    "pip_deg": (60.0, 100.0),
+    "dip_deg": (60.0, 100.0),
+    "fov_deg": (90.0, 200.0),
+    "mirrors": (0.0, 4.0),
+}
+"""What is drawn, and between which bounds; mirrors are the whole part."""
+
+CARRIERS = ("distal", "proximal", "distal")
+"""Phalanges of the mirrors; a finger with fewer has the first ones."""
+
+WITHIN_MM, WITHIN = 1e-3, 1e-3
+"""By how much polygons (mm) and rays (parts of a pad) may differ from the verdict."""
+
+
+class Drawn(NamedTuple):
+    """Requirements that were drawn.
+
+    Attributes:
+        numbers: by the names of `BOUNDS`.
+        spec: settings with them; ``None`` where they are refused.
+        refusal: why, in one line.
+    """
+
+    numbers: dict[str, float]
+    spec: FingerSpec | None
+    refusal: str = ""
+
+
+def run(spec: FingerVerdictsSpec, context: Context) -> Results:
+    """Draw fingers and compare the verdict on each with what polygons and rays find.
+
+    Raises:
+        UserError: Mitsuba is not installed, or another float type than float64.
+    """
+    context.require_float64("finger-verdicts solves requirements to 1e-8")
+    try:
+        load_mitsuba()
+    except ModuleNotFoundError as error:
+        raise UserError(
+            "finger-verdicts: the package mitsuba is missing; install it: pip install "
+            "'designopt[judge]'"
+        ) from error
+    out, designer = Report(spec, package=__package__), Designer(context)
+    rows, changes = Records(), Records()
+    for number, drawn in enumerate(draw(spec.fingers, context.seed)):
+        row: dict[str, Any] = {"finger": number} | drawn.numbers
+        if drawn.spec is None:
+            rows.add(**row, verdict="refused", missed=drawn.refusal, **nothing_judged())
+            continue
+        with context.step(f"Finger {number + 1} of {spec.fingers}"):
+            found = designer.finger(drawn.spec)
+            missed = [*requirements(drawn.spec, found).where(met="no")["requirement"]]
+            with context.step("Polygons and rays"):
+                judged = judge(drawn.spec, found, spec, context.seed)
+            verdict = "missed" if missed else "met"
+            rows.add(**row, verdict=verdict, missed="; ".join(missed), **judged)
+            if missed and spec.advice:
+                for one in advise(drawn.spec, designer):
+                    changes.add(finger=number, **one._asdict())
+    out.table("fingers", rows)
+    if len(changes):
+        out.table("changes", changes)
+    infeasible = int(np.sum(rows["verdict"] != "met"))
+    out.metrics(
+        contradicted=int(np.sum(rows["agree"] == "no")),
+        infeasible=infeasible,
+        helped=len(set(changes["finger"].tolist())) if len(changes) else 0,
+    )
+    out.say("verdicts", met=len(rows) - infeasible)
+    return out.results()
+
+
+def draw(count: int, seed: int) -> Iterator[Drawn]:
+    """Requirements from a scrambled Sobol sequence, the rest as the defaults have it."""
+    low, high = np.array(list(BOUNDS.values())).T
+    power = max(count - 1, 0).bit_length()
+    points = qmc.Sobol(len(low), rng=np.random.default_rng(seed)).random_base2(power)[:count]
+    for point in (low + points * (high - low)).round(1):
+        numbers = dict(zip(BOUNDS, point.tolist(), strict=True))
+        numbers["mirrors"] = float(min(int(numbers["mirrors"]), len(CARRIERS)))
+        body = {name: numbers[name] for name in ("thickness", "proximal", "intermediate", "distal")}
+        body |= {"range_deg": numbers["pip_deg"], "dip_range_deg": numbers["dip_deg"]}
+        mirrors = {
+            "camera": {"fov_deg": numbers["fov_deg"]},
+            "phalanges": list(CARRIERS[: int(numbers["mirrors"])]),
+            # Membranes of bodies of any length.
+            "least_membrane": 1.0,
+        }
+        try:
+            spec = FingerSpec.model_validate({"body": body, "mirrors": mirrors})
+        except ValidationError as error:
+            yield Drawn(numbers, None, str(error.errors()[0]["msg"]))
+        else:
+            yield Drawn(numbers, spec)
+
+
+def nothing_judged() -> dict[str, Any]:
+    """The columns of `judge` where no finger was designed."""
+    numbers = ("links_mm", "polygons_mm", "optics_mm", "optics_polygons_mm", "coverage", "off")
+    return dict.fromkeys(numbers, float("nan")) | {"agree": "yes"}
+
+
+def judge(
+    drawn: FingerSpec, found: FingerDesign, spec: FingerVerdictsSpec, seed: int
+) -> dict[str, Any]:
+    """What polygons and traced rays find in a finger, beside the verdict.
+
+    Returns:
+        Least distance of bars from all that they can meet, by the verdict and by polygons, mm; that
+        of mirrors with their mounts, likewise; least coverage by the verdict, and the largest
+        difference of the rays' coverage from the library's; and whether they agree.
+    """
+    finger, verdict = found.finger, found.linkage.verdict
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "finger.toml"
+        write_finger(finger, path)
+        polygons = polygon_clearances(path, spec.steps)
+        degrees = checked_postures(found, spec.postures, seed)
+        off = float(np.max(np.abs(traced_coverage(path, degrees) - coverage_of(finger, degrees))))
+    meetings = [*find_free_meetings(finger), *find_face_meetings(finger)]
+    names = {name_of(one) for one in meetings}
+    links = min(check.achieved for check in verdict.checks if check.name in names)
+    mirrors = [one.achieved for one in clearance_checks(finger, 0.0)[:-1]]
+    optics = min(mirrors, default=math.inf)
+    others = [float(np.min(each)) for (one, _), each in polygons.apart.items() if "mirror" in one]
+    others += [float(np.min(each)) for one, each in polygons.inside.items() if "mirror" in one]
+    by_polygons = min(others, default=math.inf)
+    agree = verdict.assembles == bool(np.all(polygons.assembled)) and off < WITHIN
+    if verdict.assembles:
+        agree &= same_verdict(links, polygons.bars_apart, drawn.linkage.limits.clearance)
+    agree &= same_verdict(optics, by_polygons, drawn.mirrors.room.clearance)
+    return {
+        "links_mm": links,
+        "polygons_mm": polygons.bars_apart,
+        "optics_mm": optics,
+        "optics_polygons_mm": by_polygons,
+        "coverage": found.mirrors.verdict.worst_coverage,
+        "off": off,
+        "agree": "yes" if agree else "no",
+    }
+
+
+def same_verdict(own: float, other: float, asked: float) -> bool:
+    """Whether two distances are the same, or are both enough or both too little, mm."""
+    return abs(own - other) < WITHIN_MM or (own >= asked) == (other >= asked)
+
+
+def checked_postures(found: FingerDesign, count: int, seed: int) -> Float[np.ndarray, "poses 2"]:
+    """Random postures, and those in which the least is seen, PIP and DIP in degrees."""
+    worst, ends = found.mirrors.verdict.worst, np.array(found.finger.body.ranges_deg)
+    assert worst is not None  # as it is over all pairs of angles
+    random = np.random.default_rng(seed).uniform(0.0, 1.0, (count, 2)) * ends
+    return np.concatenate([random, [(one.pip_deg, one.dip_deg) for one in worst.coverage]])
+
+
+def coverage_of(finger: Finger, degrees: Float[np.ndarray, "poses 2"]) -> np.ndarray:
+    """Coverage of every pad by the library."""
+    return np.asarray(find_coverage(finger.scene(), jnp.deg2rad(jnp.asarray(degrees))).value)
