@@ -1,0 +1,88 @@
+"""Advice: the smallest change with which everything is met, on requirements with a known answer."""
+
+import math
+
+import pytest
+
+from studies.finger import FingerSpec
+from studies.finger.advice import LEVERS, Lever, advise, changed, value_of
+from studies.finger.designing import Designer
+from studies.models.body import BodySpec
+
+
+class Thresholds(Designer):
+    """What designs fingers, for tests: every setting has a value from which on all is met."""
+
+    def __init__(self, needed: dict[str, float], blind: float = 0.0):
+        self.needed, self.blind, self.runs = needed, blind, []
+
+    def met(self, spec: FingerSpec, late: float) -> bool:
+        return any(
+            math.copysign(1, lever.step) * (value_of(spec, lever.setting) - self.needed[name])
+            >= late
+            for name, lever in levers.items()
+            if name in self.needed
+        )
+
+    def missed(self, spec: FingerSpec) -> list[str]:
+        self.runs.append(spec)
+        return [] if self.met(spec, 0.0) else ["coverage"]
+
+    def meets_near(self, spec: FingerSpec, other: FingerSpec) -> bool:
+        return self.met(spec, self.blind)
+
+    def could_help(self, spec: FingerSpec, other: FingerSpec) -> bool:
+        return True
+
+
+levers = {lever.setting: lever for lever in LEVERS}
+
+
+@pytest.mark.parametrize("blind", [0.0, 0.6, -1.2])
+def test_the_smallest_change_meets_everything_and_half_of_it_does_not(blind):
+    """Also where designs nearby are found too late, or seem to be enough too early."""
+    needed = {"body.thickness": 28.2, "linkage.limits.transmission_deg": 33.5}
+    designer, spec = Thresholds(needed, blind), FingerSpec()
+    found = {one.setting: one for one in advise(spec, designer)}
+    assert set(found) == set(needed)
+    thickness, angle = found["body.thickness"], found["linkage.limits.transmission_deg"]
+    assert 28.2 <= thickness.needed <= 28.2 + 0.5 + max(blind, 0) + 0.5
+    assert 33.5 >= angle.needed >= 33.5 - 1 - max(blind, 0) - 1
+    for one in (thickness, angle):
+        lever = levers[one.setting]
+        steps = (one.needed - one.now) / lever.step
+        with_it, with_half = changed(spec, lever, steps), changed(spec, lever, steps / 2)
+        assert value_of(with_half, one.setting) == pytest.approx(one.half)
+        assert designer.met(with_it, 0.0)
+        assert not designer.met(with_half, 0.0)
+        # Both were designed as a run designs them.
+        assert with_it in designer.runs
+        assert with_half in designer.runs
+        assert one.fails == "coverage"
+    assert thickness.words == f"body.thickness = {thickness.needed:g} mm instead of 25 mm"
+    assert "°" in angle.words
+
+
+def test_less_than_a_step_is_found_too():
+    [found] = advise(FingerSpec(), Thresholds({"body.thickness": 25.1}))
+    assert 25.1 <= found.needed < 25.2
+    assert found.half < 25.1
+
+
+def test_what_does_not_help_is_not_advised():
+    assert advise(FingerSpec(), Thresholds({"body.thickness": 99.0})) == []
+
+
+def test_settings_that_are_refused_are_no_advice():
+    """A distal phalanx that leaves no room for its pad."""
+    lever = Lever("body.distal", -10.0, 4)
+    assert changed(FingerSpec(), lever, 3) is None
+    assert changed(FingerSpec(), lever, 1).body == BodySpec(distal=22.0)
+
+
+def test_every_lever_is_a_setting():
+    for lever in LEVERS:
+        assert (
+            changed(FingerSpec(), lever, 0.0) == FingerSpec()
+            or value_of(FingerSpec(), lever.setting) is None
+        )
