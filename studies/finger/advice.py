@@ -121,17 +121,20 @@ def _smallest(spec: FingerSpec, lever: Lever, designer: Designer) -> float | Non
         other = changed(spec, lever, steps)
         return other is not None and not designer.missed(other)
 
-    low, high = 0, lever.most
-    if not near(high):
+    if near(lever.most):
+        low, high = 0, lever.most
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (low, middle) if near(middle) else (middle, high)
+        while not met(high):
+            high += 1
+            if high > lever.most:
+                return None
+        steps = float(high)
+    elif met(lever.most):
+        steps = float(lever.most)
+    else:
         return None
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if near(middle) else (middle, high)
-    while not met(high):
-        high += 1
-        if high > lever.most:
-            return None
-    steps = float(high)
     while steps > LEAST and met(steps / 2):
         steps /= 2
     return steps

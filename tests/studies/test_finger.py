@@ -7,7 +7,7 @@ from designopt.cli import run as command
 from designopt.optimize import Optima, Starts
 from designopt.study.runner import run_study
 from designopt.study.study import Context
-from studies.finger import run as study
+from studies.finger import designing
 from studies.models import Finger
 from studies.models.finger import links_of, pins_of
 from studies.models.linkage_design.analysis import LinkageDesign, layers_fit
@@ -25,22 +25,22 @@ from tests.studies.stopped import stopped_at
 
 def test_degrees_of_freedom_by_kutzbach():
     """Paper B: seven links and eight revolute joints leave two."""
-    assert study.degrees_of_freedom(finger_of()) == 2
+    assert designing.degrees_of_freedom(finger_of()) == 2
 
 
-def unsearched_linkage(spec: FingerLinkageSpec, seed: int) -> LinkageDesign:
+def unsearched_linkage(spec: FingerLinkageSpec, seed: int, near: object) -> LinkageDesign:
     """Design B in the body of the settings, judged in place of what a search would find."""
     finger, flexion = seeing_finger(thickness=spec.body.thickness), np.array([0.0, 1.5])
     pins = pins_of(finger)
     first = Round(over(finger, spec, flexion, flexion), Optima((stopped_at(pins, 0.4),), 0, 0))
-    found = Search(finger, Starts(pins, 0.0, 0.0), (first,))
+    found = Search(finger, Starts(pins, 0.0, 0.0), (first,), ())
     verdict = judged(finger, spec.limits, spec.motor)
     width = layers_fit(spec.limits, links_of(finger))
     return LinkageDesign(finger, found, verdict, width, least_angles(finger, 0.1, spec.draws, seed))
 
 
-def given_mirrors(finger: Finger, _: MirrorSpec, context: Context) -> MirrorDesign:
-    del context
+def given_mirrors(finger: Finger, _: MirrorSpec, context: Context, starts: None) -> MirrorDesign:
+    del context, starts
     return MirrorDesign(finger, [], [judge_mirrors(finger)], [], 0)
 
 
@@ -49,13 +49,14 @@ def test_a_finger_that_is_too_thin_names_what_gave_way(monkeypatch):
     """Nothing is searched: `test_main_job` has the whole of the study, and every degree."""
     for module in (judging, yields):
         monkeypatch.setattr(module, "whole_degrees", lambda end: np.arange(0.0, end + 1, 10.0))
-    monkeypatch.setattr(study, "design_linkage", unsearched_linkage)
-    monkeypatch.setattr(study, "design_mirrors", given_mirrors)
+    monkeypatch.setattr(designing, "design_linkage", unsearched_linkage)
+    monkeypatch.setattr(designing, "design_mirrors", given_mirrors)
     limits = {"transmission_deg": 48, "clearance": 2.5}
     settings = {
         "body": {"thickness": 23},
         "linkage": {"limits": limits, "draws": 64},
         "yield_draws": 100,
+        "advice": False,
         "spring": {"diameters": [40]},
     }
     results = run_study("finger", settings)

@@ -137,7 +137,8 @@ class Search:
         """The requirements that conflict, with amounts; empty where that is not known."""
         if self.shortfall is None or not bool(self.shortfall.solution.ok):
             return []
-        return explain_shortfall(make_elastic(self.rounds[-1].problem), self.shortfall)
+        form = make_elastic(unbounded(self.rounds[-1].problem))
+        return explain_shortfall(form, self.shortfall)
 
 
 def search(spec: FingerLinkageSpec, seed: int, near: Sequence[Meeting] | None = None) -> Search:
@@ -228,7 +229,7 @@ def _finished(
     made = finger.with_pins(rounded(pins_of(found), spec.search.rounding))
     short = None
     if rounds[-1].optima.best.violation > NEARLY:
-        short = _shortfall(rounds[-1])
+        short = _shortfall(rounds[-1], starts)
     return Search(made, starts, tuple(rounds), near, short)
 
 
@@ -240,12 +241,29 @@ def blank_finger(spec: FingerLinkageSpec) -> Finger:
     return Finger.of(Body.of(spec.body), None, spring, links=Links.of(spec.links), motor=driven)
 
 
-def _shortfall(last: Round) -> Optimum:
-    """What is missing at least, from where a round ended."""
-    best = last.optima.best
-    start = EpigraphVariables(best.parameters.design, jnp.asarray(best.violation))
-    form = make_elastic(last.problem)
-    return minimize(form, jax.tree.map(lambda leaf: leaf[None], start), "slsqp").best
+SHORTEST = 4
+"""Starts, and ends of solves, from which the least shortfall is looked for: it has local minima."""
+
+
+def unbounded(problem: Problem) -> Problem:
+    """The problem without bounds."""
+    lower = jax.tree.map(lambda leaf: jnp.full_like(leaf, -jnp.inf), problem.lower)
+    upper = jax.tree.map(lambda leaf: jnp.full_like(leaf, jnp.inf), problem.upper)
+    return replace(problem, lower=lower, upper=upper, scale=problem.units)
+
+
+def _shortfall(last: Round, starts: Starts) -> Optimum:
+    """What is missing at least, from the first starts and where solves ended that came nearest."""
+    near = sorted(last.optima.found, key=lambda one: one.violation)[:SHORTEST]
+    designs = [one.parameters.design for one in near]
+    first = jax.tree.map(lambda leaf: leaf[:SHORTEST], starts.parameters)
+    both = jax.tree.map(
+        lambda leaf, *others: jnp.concatenate([leaf, jnp.stack(others)]), first, *designs
+    )
+    begin = EpigraphVariables(both, jnp.ones(len(both.F)))
+    # Without the box, in whose corners there are local minima; faces are requirements.
+    ends = minimize(make_elastic(unbounded(last.problem)), begin, "slsqp").found
+    return min(ends, key=lambda one: (not bool(one.solution.ok), one.objective))
 
 
 PLACES = 10
