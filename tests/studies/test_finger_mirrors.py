@@ -26,10 +26,10 @@ from studies.models.mirror_design.judging import judged, percent_at_least, seen_
 from studies.models.mirror_design.placement import bounds, free_part, poor_layout, scale
 from studies.models.mirror_design.spec import MirrorSpec
 from studies.models.spec_files import scene_file
-from tests.studies.fingers import LENS, finger_of, seeing_finger
+from tests.studies.fingers import BARE, LENS, finger_of, seeing_finger
 
-SPEC = MirrorSpec()
-SMALL = MirrorSpec.model_validate({"search": {"copies": 2, "poses": 2, "starts": 1}})
+SPEC = MirrorSpec.model_validate(BARE)
+SMALL = MirrorSpec.model_validate(BARE | {"search": {"copies": 2, "poses": 2, "starts": 1}})
 GALLERY = Path(__file__).parents[2] / "studies" / "gallery" / "scenes" / "finger.toml"
 least_resolution = jax.jit(seeing.least_resolution)
 GIVEN, POOR = seeing_finger(), poor_layout(finger_of(), LENS)
