@@ -102,7 +102,7 @@ class Finger(NamedTuple):
 
 
 def nominal(layers: str) -> dict[str, Any]:
-    """Tables of the packaged finger with layers on its pads, plain numbers and lists."""
+    """Tables of the bare finger with layers on its pads, plain numbers and lists."""
     tables = json.loads(json.dumps(scene_tables(bare_finger().scene())))
     tables["pads"] = [pad | PADS[layers] | {"width": WIDTH} for pad in tables["pads"]]
     if layers in PUPIL:

@@ -312,7 +312,9 @@ def test_a_lens_is_one_that_is_sold_or_one_of_a_field_of_view(given, lens):
     assert (camera.model, camera.fov_deg, camera.pixels, camera.f_number) == lens
     assert CameraSpec.model_validate(camera.model_dump()) == camera
     assert CameraSpec.model_validate_json(camera.model_dump_json()) == camera
-    assert float(camera.optics.pixels) == (lens[2] or camera_catalogue()[lens[0]]["format"]["pixels"][0])
+    assert float(camera.optics.pixels) == (
+        lens[2] or camera_catalogue()[lens[0]]["format"]["pixels"][0]
+    )
 
 
 def test_two_lenses_are_refused():

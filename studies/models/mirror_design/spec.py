@@ -58,8 +58,10 @@ class CameraSpec(Spec):
         ge=0,
         le=100,
     )
-    focus: Length = setting(24.0, "distance at which it is focused (mm)")
-    max_blur_px: Length = setting(12.0, "largest blur spot that is accepted (pixels)")
+    focus: Length = setting(
+        32.0, "distance at which it is focused: nearest and farthest place blur alike (mm)"
+    )
+    max_blur_px: Length = setting(8.0, "largest blur spot that is accepted (pixels)")
     width: Length = setting(8.0, "width of the opaque body (mm)")
     depth: Length = setting(4.0, "from the pinhole to the back of the opaque body (mm)")
     min_grazing_deg: float = setting(
@@ -124,7 +126,9 @@ class PadsSpec(Spec):
     """Clear layers on the pads, from the camera's side to the membrane: acrylic and silicone."""
 
     thickness: list[Length] = setting(
-        [1.0, 1.0], "of each layer (mm); none, and no index either: bare pads", max_length=MOST_LAYERS
+        [1.0, 1.0],
+        "of each layer (mm); none, and no index either: bare pads",
+        max_length=MOST_LAYERS,
     )
     index: list[Annotated[float, Field(ge=1, le=LARGEST_INDEX)]] = setting(
         [1.49, 1.41], "of refraction of each layer"
@@ -197,7 +201,7 @@ class SearchSpec(Spec):
         2.0, "size of the copies' errors over the stated ones, at the end", free=True, ge=0.1, le=10
     )
     mirror_weight: float = setting(
-        0.3, "price of 10 mm of mirror, in % of a pad that is not seen", free=True, ge=0, le=100
+        0.1, "price of 10 mm of mirror, in % of a pad that is not seen", free=True, ge=0, le=100
     )
 
 

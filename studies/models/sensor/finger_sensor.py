@@ -188,7 +188,7 @@ def _fault(scene: Scene, imaging: Imaging) -> str:
 
 
 def designed(path: str) -> Scene:
-    """The scene in a file of a scene or of a finger; that of the packaged finger if none is named.
+    """The scene in a file of a scene or of a finger; that of the bare finger if none is named.
 
     Raises:
         UserError: the file describes neither.
