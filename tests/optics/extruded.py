@@ -1,4 +1,4 @@
-"""The bare finger of the package and its views; by plain NumPy its camera, images and rays in space."""
+"""The bare finger and its views; by plain NumPy its camera, images and rays in space."""
 
 import dataclasses
 import functools

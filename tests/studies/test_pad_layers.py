@@ -198,7 +198,7 @@ def test_what_is_no_fingers_camera_is_refused():
 
 
 def test_the_bare_fingers_camera_stands_out_of_the_back():
-    """By 0.93 mm of its wall: its corner is 4 mm behind the lens, and 4 mm beside the axis, tilted by 3.8°."""
+    """By 0.23 mm, and its wall's 0.7 mm: its corner is 4 mm behind and beside the lens, at 3.8°."""
     tilt, depth = math.radians(3.8071733237735117), 4.028593396503858
     out = 4 * (math.cos(tilt) + math.sin(tilt)) - depth
     assert float(dorsal_room(bare_finger())) == pytest.approx(-out - 0.7, abs=1e-12)
