@@ -234,7 +234,7 @@ class FingerMirrorsSpec(MirrorSpec):
 
     body: BodySpec = BodySpec()
     search: SearchSpec = SearchSpec(starts=8)
-    thin: float = setting(20.0, "thickness of a second body; 0 for none (mm)", ge=0, le=1e3)
+    thin: float = setting(0.0, "thickness of a second body; 0 for none (mm)", ge=0, le=1e3)
     thin_floor: float = setting(
         1.2, "least resolution of the second body (px/mm)", free=True, gt=0, le=1000
     )

@@ -47,7 +47,7 @@ class FingerImagesSpec(Spec):
     """What is rendered."""
 
     scene: str = setting(
-        "", "file of the finger, or of its scene; models/bare_finger.toml by default"
+        "", "file of the finger, or of its scene; the bare finger by default"
     )
     width: Length = setting(WIDTH, "of the pads, as in paper B (mm)")
     severity: float = setting(
