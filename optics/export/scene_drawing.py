@@ -174,6 +174,8 @@ def _camera_quantities(camera: CameraTable) -> Iterator[Quantity]:
         yield Quantity("camera.focal_length", camera.sold.focal_length, "mm")
         for side, length in zip(("long", "short"), camera.format.sensor_mm, strict=True):
             yield Quantity(f"camera.sensor.{side}", length, "mm")
+        for side, count in zip(("long", "short"), camera.format.pixels, strict=True):
+            yield Quantity(f"camera.sensor.{side}_pixels", count, "px")
     if camera.image_circle_mm is not None:
         yield Quantity("camera.image_circle", camera.image_circle_mm, "mm")
     if camera.max_blur_px is not None:

@@ -22,6 +22,8 @@ from studies.models.body import BodySpec
 from studies.models.designed import designed_scene
 from studies.models.finger import PHALANGES, Body, Finger, camera_of, mirror_names
 from studies.models.finger_file import packaged_or_designed
+from studies.models.link_layers import Links
+from studies.models.links import LinksTable
 from studies.models.mirror_design import errors, figures, judging
 from studies.models.mirror_design.design import MirrorDesign, design_mirrors
 from studies.models.mirror_design.placement import poor_layout, reference_layout
@@ -132,20 +134,21 @@ def design(spec: FingerMirrorsSpec, folder: Path | None) -> Design:
         return Design(SCENE, DesignedScene.read(folder / "scene.toml"))
 
     def designed(context: Context) -> Finger:
-        return design_mirrors(bare_finger(spec), spec, context).finger
+        return design_mirrors(unseeing_finger(spec), spec, context).finger
 
     finger = packaged_or_designed(spec, DECIDING, designed)
     return Design(SCENE, designed_scene(finger, "finger-mirrors"))
 
 
-def bare_finger(spec: FingerMirrorsSpec) -> Finger:
-    """Body and pads, without camera and mirrors."""
-    return Finger.of(Body.of(spec.body), layers=spec.pads.layers())
+def unseeing_finger(spec: FingerMirrorsSpec) -> Finger:
+    """Body, pads and the walls of the default links, without camera and mirrors."""
+    links = Links.of(LinksTable())
+    return Finger.of(Body.of(spec.body), links=links, layers=spec.pads.layers())
 
 
 def find(spec: FingerMirrorsSpec, context: Context) -> JudgedMirrors:
     """Everything that is measured."""
-    finger = bare_finger(spec)
+    finger = unseeing_finger(spec)
     found = design_mirrors(finger, spec, context)
     start = poor_layout(finger, spec.camera, spec.phalanges, spec.room.mount)
     layouts = {START: start, OPTIMUM: found.finger}

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from optics import Fabrication, Scene, parse_scene
 from optics.scene.writer import scene_tables
 from studies.image_check import ImageCheckSpec
-from studies.models.finger_file import packaged_finger
+from studies.models.finger_file import bare_finger
 from studies.models.sensor.poses import spread_angles
 from studies.models.sensor.spec import WIDTH
 from studies.oracles.judge.capture import Capture
@@ -102,8 +102,8 @@ class Finger(NamedTuple):
 
 
 def nominal(layers: str) -> dict[str, Any]:
-    """Tables of the packaged finger with layers on its pads, plain numbers and lists."""
-    tables = json.loads(json.dumps(scene_tables(packaged_finger().scene())))
+    """Tables of the bare finger with layers on its pads, plain numbers and lists."""
+    tables = json.loads(json.dumps(scene_tables(bare_finger().scene())))
     tables["pads"] = [pad | PADS[layers] | {"width": WIDTH} for pad in tables["pads"]]
     if layers in PUPIL:
         tables["camera"]["pupil_shift"] = PUPIL[layers]

@@ -28,7 +28,7 @@ from studies.models.mirror_design.placement import (
     scale,
 )
 from studies.models.mirror_design.seeing import together
-from studies.models.mirror_design.spec import MirrorSpec
+from studies.models.mirror_design.spec import FOV_DEG, CameraSpec, MirrorSpec
 
 ANGLES = 31
 """Angles of both joints, bent alike, at which the search looks."""
@@ -47,6 +47,9 @@ KEPT_FREE = 5.0
 thicker; mm."""
 
 UPDATES, STEPS = 3, 100
+
+LENS = CameraSpec(fov_deg=FOV_DEG)
+"""Of the bare finger."""
 
 STARTS = 2
 """The finger as it is, and the reference layout."""
@@ -107,7 +110,7 @@ class Redesigner:
         spec = MirrorSpec()
         thinner = replace(finger.body, thickness=finger.body.thickness - KEPT_FREE)
         self._finger, self._limits = finger, bounds(replace(finger, body=thinner), spec)
-        both = [free_part(one) for one in (finger, reference_layout(finger, spec.camera))]
+        both = [free_part(one) for one in (finger, reference_layout(finger, LENS))]
         self._starts: Placement = jax.tree.map(lambda *leaves: jnp.stack(leaves), *both)
         angles = jnp.linspace(0.0, finger.body.flexion, ANGLES)
         self._poses = together(angles)

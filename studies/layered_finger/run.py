@@ -36,7 +36,7 @@ from studies.layered_finger.cases import (
 from studies.layered_finger.mirrors import Redesigner
 from studies.layered_finger.strips import ends_of, lost_strips
 from studies.models.finger import PHALANGES, Finger
-from studies.models.finger_file import packaged_finger
+from studies.models.finger_file import bare_finger
 from studies.models.sensor.finger_sensor import carried_by_camera, deviations_of
 from studies.models.sensor.spec import WIDTH
 from studies.oracles import layers as oracle
@@ -139,7 +139,7 @@ def run(spec: LayeredFingerSpec, context: Context) -> Results:
         UserError: another float type than float64.
     """
     context.require_float64("layered-finger compares to 1e-9 of a pad")
-    out, finger = Report(spec, package=__package__), packaged_finger()
+    out, finger = Report(spec, package=__package__), bare_finger()
     degrees = np.linspace(0.0, finger.body.range_deg, spec.angles)
     angles = jnp.deg2rad(jnp.asarray(degrees))
     poses = jnp.stack(jnp.meshgrid(angles, angles, indexing="ij"), axis=-1)

@@ -1,5 +1,12 @@
 from .finger import Body, Finger, FingerCamera, FingerMirror, FingerMotor, FingerSpring
-from .finger_file import format_finger, packaged_finger, parse_finger, read_finger, write_finger
+from .finger_file import (
+    bare_finger,
+    format_finger,
+    packaged_finger,
+    parse_finger,
+    read_finger,
+    write_finger,
+)
 from .link_layers import Links
 from .linkage_design.forces import find_held_force, find_pinch_forces, find_stresses
 from .pad_layers import PadLayers
@@ -17,6 +24,7 @@ __all__ = [
     "PadLayers",
     "Pins",
     "SoftFinger",
+    "bare_finger",
     "find_held_force",
     "find_pinch_forces",
     "find_stresses",

@@ -112,7 +112,7 @@ class BodySpec(BodyTable):
     rim: float = setting(1.5, "outer pads to the ends of the finger (mm)", ge=0, le=1e3)
     protrusion: float = setting(0.0, "membranes out of the palmar face (mm)", ge=0, le=1e2)
     pad_clearance: float = setting(
-        0.0, "least clearance of neighbouring pads, layers too (mm)", ge=0, le=1e2
+        1.0, "least clearance of neighbouring pads, layers too (mm)", ge=0, le=1e2
     )
     dip_range_deg: Annotated[float, Field(ge=2, le=100)] | None = setting(
         None, "flexion of DIP, if it is not that of PIP (degrees)"

@@ -202,6 +202,20 @@ def packaged_finger() -> Finger:
         return read_finger(path)
 
 
+def bare_finger() -> Finger:
+    """The finger of published numbers: bare pads and a lens that is not sold, 160° in the section.
+
+    ``designopt run finger`` designed it before its pads had layers. Studies that lay their own
+    layers on the pads or take their own lenses rest on it.
+
+    Example:
+        >>> bare_finger().layers is None
+        True
+    """
+    with as_file(files("studies.models") / "bare_finger.toml") as path:
+        return read_finger(path)
+
+
 def packaged_or_designed(
     spec: Spec, deciding: set[str], design: Callable[[Context], Finger]
 ) -> Finger:

@@ -11,7 +11,7 @@ import numpy as np
 
 from optics.scene.writer import scene_tables
 from studies.models.finger import Finger, camera_of
-from studies.models.finger_file import packaged_finger
+from studies.models.finger_file import bare_finger
 from studies.physical_check import LayersName, PhysicalCheckSpec
 
 ACRYLIC, GEL = 1.49, 1.41
@@ -74,7 +74,7 @@ class Case(NamedTuple):
 
 def cases(spec: PhysicalCheckSpec, seed: int) -> Iterator[Case]:
     """All cases of a run."""
-    finger = packaged_finger()
+    finger = bare_finger()
     body = replace(finger.body, thickness=THIN)
     fingers = {"designed": finger, "thin": replace(finger, body=body)}
     for number in range(1, spec.fingers + 1):

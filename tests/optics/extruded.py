@@ -1,4 +1,4 @@
-"""The packaged finger and its views; by plain NumPy its camera, images and rays in space."""
+"""The bare finger and its views; by plain NumPy its camera, images and rays in space."""
 
 import dataclasses
 import functools
@@ -14,7 +14,7 @@ from optics.scene.scene import Scene
 from optics.visibility.coverage import find_views
 from optics.visibility.unfolding import paths_of
 from optics.visibility.views import Pieces, ViewResult, name_paths
-from studies.models import packaged_finger
+from studies.models import bare_finger
 from tests.optics.scenes import Posed, mirrored, pairs
 
 Lens = Callable[[Any], Any]
@@ -23,8 +23,8 @@ Lens = Callable[[Any], Any]
 
 @functools.cache
 def finger() -> Scene:
-    """The finger of the package."""
-    return packaged_finger().scene()
+    """The bare finger of the package."""
+    return bare_finger().scene()
 
 
 @functools.cache

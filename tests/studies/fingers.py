@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from studies.models import Body, Finger, FingerSpring, Pins
 from studies.models.body import BodySpec
@@ -10,9 +11,12 @@ from studies.models.grasp.spec import PinsSpec
 from studies.models.link_layers import Links
 from studies.models.links import LinksTable
 from studies.models.mirror_design.placement import reference_layout
-from studies.models.mirror_design.spec import MirrorSpec
+from studies.models.mirror_design.spec import CameraSpec
 
-LENS = MirrorSpec().camera
+LENS = CameraSpec(fov_deg=160.0)
+BARE: dict[str, Any] = {"camera": LENS, "pads": {"thickness": [], "index": []}}
+"""Settings of mirrors for a finger with bare pads."""
+
 OLD = Path(__file__).parents[1] / "data" / "old_specs"
 """Of a result that was written before fingers had files."""
 
@@ -22,9 +26,14 @@ def reference_pins() -> Pins:
     return Pins.of(PinsSpec())
 
 
+def bare_body(**body: Any) -> Body:
+    """The default body with pads that meet at the end of the range."""
+    return Body.of(BodySpec.model_validate({"pad_clearance": 0.0} | body))
+
+
 def finger_of(pins: Pins | None = None, **body: float) -> Finger:
-    """A finger with spring and links, by default design B with its default body; without motor."""
-    made, links = Body.of(BodySpec(**body)), Links.of(LinksTable())
+    """A finger with spring and links, by default design B with the body above; without motor."""
+    made, links = bare_body(**body), Links.of(LinksTable())
     return Finger.of(made, pins or reference_pins(), FingerSpring(30.0, 0.3, 300.0), links=links)
 
 

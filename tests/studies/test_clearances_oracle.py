@@ -17,7 +17,7 @@ import pytest
 from designopt.io.toml_writing import format_toml
 from designopt.vectors import rotation
 from kinematics.solve.poses import solve_poses
-from studies.models import packaged_finger
+from studies.models import bare_finger, packaged_finger
 from studies.models.finger import Finger, pins_of
 from studies.models.finger_file import read_finger, write_finger
 from studies.models.linkage_design.clearances import (
@@ -37,12 +37,12 @@ from studies.models.pins import pin_name
 from studies.oracles.clearances import BARS, PolygonClearances, polygon_clearances
 
 SHELL = 0.7
-"""Of the packaged finger, mm."""
+"""Of the packaged fingers, mm."""
 
 
 def written(folder: Path, **changes: Any) -> Path:
-    """The packaged finger's file with some keys of its tables replaced, or with other mirrors."""
-    tables = tomllib.loads((files("studies.models") / "finger.toml").read_text())
+    """The bare finger's file with some keys of its tables replaced, or with other mirrors."""
+    tables = tomllib.loads((files("studies.models") / "bare_finger.toml").read_text())
     for name, change in changes.items():
         tables[name] = change if isinstance(change, list) else tables.get(name, {}) | change
     path = folder / "finger.toml"
@@ -105,11 +105,11 @@ def test_a_square_camera_at_a_known_place(tmp_path):
 
 
 def test_a_camera_that_stands_out_of_the_back_is_found(tmp_path):
-    """By 0.3 mm, and that of the packaged finger by what the library has."""
+    """By 0.3 mm, and that of the bare finger by what the library has."""
     out = measured(tmp_path, camera={"tilt_deg": 0.0, "depth": 3.7})
     np.testing.assert_allclose(out.inside["camera"], -0.3 - SHELL, atol=1e-6)
-    room = float(dorsal_room(packaged_finger()))
-    np.testing.assert_allclose(measured(tmp_path).inside["camera"], room - SHELL, atol=1e-6)
+    room = float(dorsal_room(bare_finger()))
+    np.testing.assert_allclose(measured(tmp_path).inside["camera"], room, atol=1e-6)
 
 
 def test_a_mirror_that_is_pushed_into_a_pad_is_found(tmp_path):
@@ -194,8 +194,8 @@ def test_a_rod_that_cuts_the_corner_between_palmar_faces_is_found(tmp_path):
     assert checks["pin D inside the palmar face"].met
     assert checks["pin E inside the palmar face"].met
     assert not checks["rod from the palmar face of the proximal phalanx"].met
-    # In the packaged finger the axles hold rod and plate up, as long as they have no room below.
-    plain = packaged_finger()
+    # In the bare finger the axles hold rod and plate up, as long as they have no room below.
+    plain = bare_finger()
     assert not [one for one in find_free_meetings(plain) if one.second in FACES]
     high = replace(plain, body=replace(plain.body, axis_height=jnp.asarray(7.0)))
     assert set(find_face_meetings(high)) < set(find_free_meetings(high))

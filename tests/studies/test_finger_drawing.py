@@ -66,7 +66,8 @@ def test_layers_are_those_of_both_parts_once(finger):
     names = [layer.name for layer in finger.drawing().layers]
     assert len(set(names)) == len(names)
     bodies = list(LINKAGE["bodies"])
-    assert names == [*bodies, "mirrors", "pads", "blockers", "camera", "field of view", "outline"]
+    optics = ["mirrors", "pads", "blockers", "layers", "camera", "field of view"]
+    assert names == [*bodies, *optics, "outline"]
 
 
 def test_every_number_of_both_files_is_among_the_numbers(finger):

@@ -20,13 +20,13 @@ from kinematics import read_linkage
 from optics import read_scene
 from studies.models import format_finger, parse_finger, read_finger, write_finger
 from studies.models.finger import camera_of, pins_of, spring_of
-from studies.models.finger_file import packaged_finger
+from studies.models.finger_file import bare_finger, packaged_finger
 from studies.models.spec_files import finger_files
 from tests.commands import refused_cases
 from tests.helpers import assert_same
 from tests.studies.fingers import OLD
 
-TEXT = format_finger(packaged_finger()).replace('name = "finger"', 'name = "mine"')
+TEXT = format_finger(bare_finger()).replace('name = "finger"', 'name = "mine"')
 
 
 def table() -> dict:
@@ -144,8 +144,8 @@ def test_what_contradicts_itself_is_named(specs):
     refused("it lacks 'proximal', so that it is no finger; name the ")
 
 
-def test_the_packaged_finger_sees_as_that_of_the_old_result():
-    old, new = read_finger(OLD), packaged_finger()
+def test_the_bare_finger_sees_as_that_of_the_old_result():
+    old, new = read_finger(OLD), bare_finger()
     assert_same(jax.tree.leaves(old.scene()), jax.tree.leaves(new.scene()))
 
 

@@ -26,10 +26,10 @@ from studies.models.mirror_design.judging import judged, percent_at_least, seen_
 from studies.models.mirror_design.placement import bounds, free_part, poor_layout, scale
 from studies.models.mirror_design.spec import MirrorSpec
 from studies.models.spec_files import scene_file
-from tests.studies.fingers import LENS, finger_of, seeing_finger
+from tests.studies.fingers import BARE, LENS, finger_of, seeing_finger
 
-SPEC = MirrorSpec()
-SMALL = MirrorSpec.model_validate({"search": {"copies": 2, "poses": 2, "starts": 1}})
+SPEC = MirrorSpec.model_validate(BARE)
+SMALL = MirrorSpec.model_validate(BARE | {"search": {"copies": 2, "poses": 2, "starts": 1}})
 GALLERY = Path(__file__).parents[2] / "studies" / "gallery" / "scenes" / "finger.toml"
 least_resolution = jax.jit(seeing.least_resolution)
 GIVEN, POOR = seeing_finger(), poor_layout(finger_of(), LENS)
@@ -334,7 +334,8 @@ def test_the_study_end_to_end(monkeypatch):
     for module in (judging, yields):
         monkeypatch.setattr(module, "whole_degrees", lambda end: np.arange(0.0, end + 1, 10.0))
     how = {"starts": 1, "copies": 2, "poses": 2}
-    results = run_study("finger-mirrors", {**QUICK, "search": how, "left_out": False})
+    given = {"camera": {"fov_deg": 160}, "pads": BARE["pads"]}
+    results = run_study("finger-mirrors", {**QUICK, "search": how, "left_out": False, **given})
     metrics = {metric.name: metric for metric in results.metrics}
     assert metrics["start_coverage"].value < 0.6
     assert metrics["yield"].met is None  # of so few draws

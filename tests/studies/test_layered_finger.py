@@ -26,7 +26,7 @@ from studies.layered_finger.cases import (
 )
 from studies.layered_finger.mirrors import Redesigner, Task, placed, terms
 from studies.layered_finger.strips import layers_of, lost_strips, upper_edge
-from studies.models.finger_file import packaged_finger
+from studies.models.finger_file import bare_finger
 from studies.models.mirror_design.placement import free_part
 from studies.models.mirror_design.seeing import together
 from studies.models.sensor.spec import WIDTH
@@ -36,7 +36,7 @@ from studies.oracles.scenes import rounded
 from studies.oracles.shadows import image, shadow, shadow_width
 from tests.studies.quick import quick_run
 
-FINGER = packaged_finger()
+FINGER = bare_finger()
 ROUNDING = 1e-9
 """A few hundred roundings of what the oracle divides angles into, in parts of a pad or mm."""
 

@@ -21,10 +21,9 @@ from designopt.study.records import Records
 from optics import find_coverage, find_views
 from optics.scene.camera_module import CameraModule
 from optics.scene.writer import scene_tables
-from studies.models.body import BodySpec
 from studies.models.checks import Check, requirement_rows
-from studies.models.finger import Body, Finger, Phalanx, camera_of
-from studies.models.finger_file import format_finger, packaged_finger, parse_finger
+from studies.models.finger import Finger, Phalanx, camera_of
+from studies.models.finger_file import bare_finger, format_finger, packaged_finger, parse_finger
 from studies.models.mirror_design import design as designing
 from studies.models.mirror_design import problem, requirements, yields
 from studies.models.mirror_design.clearances import clearance_checks, find_clearances
@@ -36,8 +35,10 @@ from studies.models.mirror_design.seeing import least_spare, pad_lengths
 from studies.models.mirror_design.spec import CameraSpec, MirrorSpec
 from studies.models.mirror_design.yields import groups, share_of
 from studies.models.pad_layers import PadLayers
+from tests.studies.fingers import BARE as GIVEN
+from tests.studies.fingers import LENS, bare_body
 
-BARE = Finger.of(Body.of(BodySpec()))
+BARE = Finger.of(bare_body())
 THREE: list[Phalanx] = ["distal", "proximal", "distal"]
 CARRIERS = [[], ["distal"], ["proximal"], THREE]
 
@@ -52,11 +53,11 @@ def test_rays_see_the_same_by_any_number_of_mirrors(phalanges):
 
 
 def test_several_mirrors_of_a_phalanx_have_names_of_their_own():
-    made = reference_layout(BARE, CameraSpec(), THREE)
+    made = reference_layout(BARE, LENS, THREE)
     tables = scene_tables(made.scene())
     assert [one["name"] for one in tables["mirrors"]] == ["distal", "proximal", "distal 2"]
     # They share the one mirror's line, 2 mm apart.
-    whole = reference_layout(BARE, CameraSpec()).mirrors[0].ends
+    whole = reference_layout(BARE, LENS).mirrors[0].ends
     first, _, second = (mirror.ends for mirror in made.mirrors)
     np.testing.assert_allclose([first[0], second[1]], whole, atol=1e-12)
     assert float(jnp.linalg.norm(second[0] - first[1])) == pytest.approx(2.0)
@@ -70,7 +71,8 @@ def test_several_mirrors_of_a_phalanx_have_names_of_their_own():
 
 @pytest.mark.parametrize("phalanges", CARRIERS)
 def test_the_problem_is_as_large_as_its_mirrors(phalanges):
-    spec = MirrorSpec.model_validate({"phalanges": phalanges, "search": {"copies": 2, "poses": 2}})
+    small = {"phalanges": phalanges, "search": {"copies": 2, "poses": 2}}
+    spec = MirrorSpec.model_validate(GIVEN | small)
     poor, count = poor_layout(BARE, spec.camera, spec.phalanges), len(phalanges)
     least, greatest = bounds(poor, spec)
     for low, value, high in zip(
@@ -89,8 +91,8 @@ def test_the_problem_is_as_large_as_its_mirrors(phalanges):
 
 def layered(reach=1.0, **body: Any) -> Finger:
     """The reference layout with a second distal mirror; layers, and a camera with a module."""
-    given = BodySpec.model_validate({"pad_clearance": 0.5, "range_deg": [90, 80]} | body)
-    made = reference_layout(Finger.of(Body.of(given)), CameraSpec(fov_deg=150), THREE, 1.3)
+    given = bare_body(**{"pad_clearance": 0.5, "range_deg": [90, 80]} | body)
+    made = reference_layout(Finger.of(given), CameraSpec(fov_deg=150), THREE, 1.3)
     module = CameraModule(5.0, 3.0, 0.3, np.array([8.0, 8.0]), 1.0, 0.5)
     camera = replace(camera_of(made), module=module, depth=camera_of(made).depth + 2)
     made = replace(made, camera=camera)
@@ -187,15 +189,16 @@ def test_clearances_have_the_slopes_of_differences():
         np.testing.assert_allclose(slopes[:, number], rise, atol=1e-6)
 
 
-def test_the_packaged_mounts_stand_too_near_to_the_back():
+def test_the_bare_fingers_mounts_stand_too_near_to_the_back():
     """Its proximal mirror's end, 1.63 mm deep, leans back by 20.0°: its mount is 0.69 mm deep."""
-    lines = {one.name: one for one in clearance_checks(packaged_finger(), 1.0)}
-    (x1, d1), (x2, d2) = packaged_finger().mirrors[1].ends.tolist()
+    lines = {one.name: one for one in clearance_checks(bare_finger(), 1.0)}
+    (x1, d1), (x2, d2) = bare_finger().mirrors[1].ends.tolist()
     lean = math.atan2(d2 - d1, x1 - x2)
     found = lines["proximal mirror inside the dorsal face"]
     assert found.achieved == pytest.approx(d1 - math.cos(lean), abs=1e-9)
     assert not found.met
     assert lines["distal mirror inside the dorsal face"].met
+    assert all(one.met for one in clearance_checks(packaged_finger(), 1.0))
 
 
 @pytest.mark.parametrize("fov", [140.0, 170.0])
@@ -220,7 +223,7 @@ def test_by_the_degrees_to_spare_the_field_may_shrink(fov):
 
 
 def test_every_line_is_a_requirement():
-    spec = MirrorSpec.model_validate({"floor": 2.0, "least_yield": 0.9})
+    spec = MirrorSpec.model_validate(GIVEN | {"floor": 2.0, "least_yield": 0.9})
     made = reference_layout(BARE, spec.camera)
     verdict, whole = judged(made), np.ones((10, 4, 3))
     whole[0, 0, 0] = 0.5
@@ -236,7 +239,7 @@ def test_every_line_is_a_requirement():
 
 def test_prices_are_slopes_of_the_objective():
     """A multiplier of a scaled inequality, per unit of what is asked."""
-    spec = MirrorSpec.model_validate({"search": {"copies": 2, "poses": 2}})
+    spec = MirrorSpec.model_validate(GIVEN | {"search": {"copies": 2, "poses": 2}})
     poor = poor_layout(BARE, spec.camera)
     task = problem.Task.of(poor, spec, 0)
     held = no_multipliers(task)

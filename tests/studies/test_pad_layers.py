@@ -6,7 +6,7 @@ import json
 import math
 import tomllib
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -18,13 +18,16 @@ from jax.flatten_util import ravel_pytree
 from shapely.affinity import rotate
 
 from designopt import UserError
+from designopt.study.settings import spec_with
 from optics import find_coverage, find_views, parse_scene
+from optics.scene.catalogue import camera_catalogue
 from optics.scene.writer import scene_tables
 from optics.visibility.sharpness import find_sharpness
 from studies.models import Finger
 from studies.models.body import BodySpec
-from studies.models.finger import PHALANGES, Body
+from studies.models.finger import PHALANGES
 from studies.models.finger_file import (
+    bare_finger,
     finger_tables,
     format_finger,
     packaged_finger,
@@ -40,6 +43,7 @@ from studies.oracles import layers as oracle
 from studies.oracles.clearances import pad_pieces
 from studies.oracles.layered_scenes import posed_tables, read
 from tests.helpers import assert_same
+from tests.studies.fingers import BARE, LENS, bare_body
 
 MODULE = {
     "lens_diameter": 6.0, "lens_length": 3.0, "pupil_depth": -0.2, "board": [8.0, 8.0],
@@ -51,8 +55,7 @@ def finger(
     thickness=(1.0, 1.0), index=(1.49, 1.41), ends: Any = "black", reach=1.0, camera=None, **body
 ):
     """The reference layout with layers, of a body whose pads keep apart."""
-    given = BodySpec.model_validate({"pad_clearance": 0.5} | body)
-    made = reference_layout(Finger.of(Body.of(given)), camera or CameraSpec())
+    made = reference_layout(Finger.of(bare_body(**{"pad_clearance": 0.5} | body)), camera or LENS)
     shares = np.full((len(thickness), 2), reach)
     return replace(
         made, layers=PadLayers(np.array(thickness), np.array(index), shares, shares, ends=ends)
@@ -122,10 +125,11 @@ def test_gaps_are_those_of_the_formula():
         own = complex(-float(gap), -4.4)
         turned = own * np.exp(1j * math.radians(degrees))
         assert abs(turned - complex(float(gap), -4.4)) == pytest.approx(0.5, abs=1e-12)
-    plain = Body.of(BodySpec())
+    plain = bare_body()
     assert [float(gap) for gap in plain.gaps] == [4.0, 4.0]
     assert float(plain.membrane) == 71.0
-    assert float(Body.of(BodySpec(pad_clearance=0.5)).membrane) >= 0.95 * 71
+    assert float(packaged_finger().body.membrane) == pytest.approx(71 - 4 / math.sqrt(2), abs=1e-9)
+    assert BodySpec().pad_clearance == 1.0
 
 
 def test_a_pad_needs_room():
@@ -138,7 +142,7 @@ def test_a_pad_needs_room():
 SOLD = CameraSpec(model="ov5647-160", f_number=2.35, focus=20.0)
 
 
-@pytest.mark.parametrize("camera", [CameraSpec(), SOLD])
+@pytest.mark.parametrize("camera", [LENS, SOLD, CameraSpec()])
 @pytest.mark.parametrize("ends", ["black", "clear"])
 def test_a_file_has_all_of_it(camera, ends):
     made = finger(ends=ends, camera=camera, range_deg=[90, 75], protrusion=0.2)
@@ -188,17 +192,18 @@ def test_what_is_no_fingers_camera_is_refused():
     with pytest.raises(ValueError, match="did you mean 'ov5647-160'"):
         CameraSpec(model="ov5647-161")
     with pytest.raises(ValueError, match="f_number is of a lens before a sensor"):
-        CameraSpec(f_number=2.0)
-    with pytest.raises(ValueError, match="1 layers have a thickness and 0 an index"):
+        CameraSpec(fov_deg=160, f_number=2.0)
+    with pytest.raises(ValueError, match="1 layers have a thickness and 2 an index"):
         PadsSpec(thickness=[2.0])
 
 
-def test_the_packaged_cameras_body_stands_out_of_the_back():
-    """By 0.23 mm: its corner is 4 mm behind the lens, and 4 mm beside the axis, tilted by 3.8°."""
+def test_the_bare_fingers_camera_stands_out_of_the_back():
+    """By 0.23 mm, and its wall's 0.7 mm: its corner is 4 mm behind and beside the lens, at 3.8°."""
     tilt, depth = math.radians(3.8071733237735117), 4.028593396503858
     out = 4 * (math.cos(tilt) + math.sin(tilt)) - depth
-    assert float(dorsal_room(packaged_finger())) == pytest.approx(-out, abs=1e-12)
+    assert float(dorsal_room(bare_finger())) == pytest.approx(-out - 0.7, abs=1e-12)
     assert out == pytest.approx(0.228, abs=1e-3)
+    assert float(dorsal_room(packaged_finger())) >= -1e-12
 
 
 @pytest.mark.parametrize("ends", ["black", pytest.param("clear", marks=pytest.mark.slow)])
@@ -236,7 +241,7 @@ def test_slopes_are_central_differences():
 
 def test_the_worst_is_found_between_the_degrees():
     """Every hundredth of a degree about where the finest rows are worst, by another program."""
-    made = packaged_finger()
+    made = bare_finger()
     worst = find_worst_postures(made)
     assert worst.least_coverage == 1.0
     assert worst.transmission is None
@@ -258,7 +263,7 @@ def test_the_worst_is_found_between_the_degrees():
 
 def test_a_mirror_in_anothers_view_is_found():
     """At 128° the worst posture is none in which both joints are bent alike."""
-    made = eqx.tree_at(lambda one: one.camera.field_of_view, packaged_finger(), jnp.deg2rad(128.0))
+    made = eqx.tree_at(lambda one: one.camera.field_of_view, bare_finger(), jnp.deg2rad(128.0))
     worst = find_worst_postures(made)
     for one in worst.coverage:
         pose = jnp.deg2rad(jnp.array([one.pip_deg, one.dip_deg]))
@@ -289,6 +294,34 @@ def test_layers_let_through_what_fresnel_says():
     assert bool(jnp.any(seen(worst.transmission + 0.02) < seen(0.0) - 1e-6))
 
 
+@pytest.mark.parametrize(
+    ("given", "lens"),
+    [
+        ([], ("imx219-200", None, None, 2.0)),
+        (["fov_deg=120"], ("", 120.0, 1080, 0.0)),
+        (["pixels=700"], ("", 160.0, 700, 0.0)),
+        (["fov_deg=120", "pixels=700"], ("", 120.0, 700, 0.0)),
+        (["model="], ("", 160.0, 1080, 0.0)),
+        (["model=ov5647-160"], ("ov5647-160", None, None, 0.0)),
+        (["model=ov5647-160", "f_number=2.35"], ("ov5647-160", None, None, 2.35)),
+    ],
+)
+def test_a_lens_is_one_that_is_sold_or_one_of_a_field_of_view(given, lens):
+    texts = [f"camera.{text}" for text in given]
+    camera = cast(MirrorSpec, spec_with(MirrorSpec, texts, study="x")).camera
+    assert (camera.model, camera.fov_deg, camera.pixels, camera.f_number) == lens
+    assert CameraSpec.model_validate(camera.model_dump()) == camera
+    assert CameraSpec.model_validate_json(camera.model_dump_json()) == camera
+    assert float(camera.optics.pixels) == (
+        lens[2] or camera_catalogue()[lens[0]]["format"]["pixels"][0]
+    )
+
+
+def test_two_lenses_are_refused():
+    with pytest.raises(UserError, match="fov_deg and model 'ov6948' are two lenses; leave one of"):
+        spec_with(MirrorSpec, ["camera.fov_deg=120", "camera.model=ov6948"], study="x")
+
+
 def test_settings_lead_to_a_layered_finger():
     spec = MirrorSpec.model_validate(
         {"pads": {"thickness": [2.0, 1.0], "index": [1.49, 1.41], "ends": "clear"}}
@@ -297,6 +330,9 @@ def test_settings_lead_to_a_layered_finger():
     assert layers is not None
     assert layers.ends == "clear"
     np.testing.assert_array_equal(layers.levels, [[1.0, 3.0], [0.0, 1.0]])
-    assert MirrorSpec().pads.layers() is None
+    assert MirrorSpec.model_validate(BARE).pads.layers() is None
+    usual = MirrorSpec().pads.layers()
+    assert usual is not None
+    assert (usual.thickness.tolist(), usual.index.tolist()) == ([1.0, 1.0], [1.49, 1.41])
     assert math.degrees(float(SOLD.optics.field_of_view)) == pytest.approx(128.0)
     assert float(SOLD.optics.pixels) == 2592

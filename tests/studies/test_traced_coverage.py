@@ -14,7 +14,7 @@ import pytest
 from optics import find_coverage
 from optics.scene.layers import EndKind
 from studies.models.finger import Finger
-from studies.models.finger_file import packaged_finger, read_finger, write_finger
+from studies.models.finger_file import bare_finger, packaged_finger, read_finger, write_finger
 from studies.models.pad_layers import PadLayers
 from studies.oracles.finger_tables import field_of_view
 from studies.oracles.traced_coverage import traced_coverage
@@ -41,8 +41,8 @@ def finger(
     fov_deg: float = 120.0,
     reach: tuple[float, float] = (0.3, 0.6),
 ) -> Finger:
-    """The packaged finger with a narrower lens, which does not see all, and layers."""
-    made = packaged_finger()
+    """The bare finger with a narrower lens, which does not see all, and layers."""
+    made = bare_finger()
     assert made.camera is not None
     made = replace(made, camera=replace(made.camera, field_of_view=math.radians(fov_deg)))
     if not thickness:
@@ -79,8 +79,9 @@ def test_the_library_s_coverage_is_that_of_traced_rays(thickness, ends, tmp_path
 
 
 @needs_mitsuba
-def test_today_s_finger_is_seen_whole(tmp_path):
-    write_finger(packaged_finger(), tmp_path / "finger.toml")
+@pytest.mark.parametrize("made", [bare_finger, packaged_finger])
+def test_fingers_of_the_package_are_seen_whole(made, tmp_path):
+    write_finger(made(), tmp_path / "finger.toml")
     assert traced_coverage(tmp_path / "finger.toml", POSES_DEG) == pytest.approx(1, abs=FINE)
 
 

@@ -37,7 +37,7 @@ class PinsSpec(Spec):
 class GraspSpec(Spec):
     """All settings of ``designopt run finger-grasp``."""
 
-    body: BodySpec = BodySpec()
+    body: BodySpec = BodySpec(pad_clearance=0.0)
     pins: PinsSpec = PinsSpec()
     spring_stiffness: Stiffness = setting(
         30.0, "k, torsion spring between distal phalanx and plate (N mm/rad)"

@@ -105,16 +105,20 @@ def _middle_pad(finger: Finger) -> Float[Array, "parts corners 2"]:
 
 
 def dorsal_room(finger: Finger) -> Float[Array, ""]:
-    """Room between the camera's body, tilted as it is, and the dorsal face, mm."""
-    return finger.body.dorsal - jnp.max(finger.camera_corners()[:, 1])
+    """Room between the camera's body, tilted as it is, and the wall of the back, mm.
+
+    The wall is as thick as the links' ``shell``; without links it is the dorsal face.
+    """
+    room = finger.body.dorsal - jnp.max(finger.camera_corners()[:, 1])
+    return room if finger.links is None else room - finger.links.shell
 
 
 def clearance_checks(finger: Finger, clearance: float) -> tuple[Check, ...]:
     """Whether everything keeps a clearance (mm) at every degree of both joints.
 
-    The camera's body only has to be inside the dorsal face.
+    The camera's body only has to be inside the wall of the back.
     """
     angles = math.ceil(finger.body.range_deg) + 1
     found = {name: float(least) for name, least in find_clearances(finger, angles).items()}
-    inside = Check("camera inside the dorsal face", 0.0, float(dorsal_room(finger)))
+    inside = Check("camera inside the wall of the back", 0.0, float(dorsal_room(finger)))
     return (*(Check(name, clearance, least) for name, least in found.items()), inside)

@@ -140,7 +140,7 @@ def bounds(finger: Finger, spec: MirrorSpec) -> tuple[Placement, Placement]:
     4.16 mm: the cheeks that carry it enclose the joint), the other in the far half; n mirrors on
     one phalanx divide it likewise, at 1/2n, 3/2n, … of its length. That mirrors with their mounts
     stay inside and keep away from all else are inequalities (`clearances`), and that the camera's
-    body stays inside the dorsal face, however it is tilted, is so by construction
+    body stays inside the wall of the back, however it is tilted, is so by construction
     (`problem.put_in`). Reaches of layers are shares of what is free; those of
     layers that end at the membrane stay 0.
 

@@ -78,7 +78,7 @@ class WorstPostures(NamedTuple):
     Attributes:
         coverage: least part of each pad that is seen.
         px_per_mm: least resolution of each pad, each place in its best view.
-        blur_px: largest blur spot of each pad at the ends of its views, pixels; empty without a
+        blur_px: largest blur spot of each pad over all that is seen of it, pixels; empty without a
             lens.
         transmission: part of the light that the layers let through at worst, of rays that are
             needed to see what is seen; ``None`` where pads are bare.
@@ -136,15 +136,14 @@ def find_worst_postures(finger: Finger) -> WorstPostures:
     first = np.argmin(best, axis=0)
     value = np.take_along_axis(best, first[None], axis=0)[0]
     where = np.take_along_axis(at, first[None, ..., None], axis=0)[0]
-    # The search interpolates resolution behind layers: here every place is looked up.
-    poses = np.deg2rad(at[..., 1, :].reshape(-1, 2))
-    views = find_views(scene, jnp.asarray(poses)).value
-    sharp = find_sharpness(scene, poses, views, bounces=scene.layout.bounces).px_per_mm[..., 0]
-    own = sharp.reshape(len(at), len(PHALANGES), len(PHALANGES))
-    own = own[:, np.arange(len(PHALANGES)), np.arange(len(PHALANGES))]
-    least = np.argmin(own, axis=0)
+    # The search interpolates resolution behind layers, and takes blur at the ends of views: here
+    # every place is looked up, the nearest one among them.
     columns = np.arange(len(PHALANGES))
-    value[:, 1], where[:, 1] = own[least, columns], at[least, columns, 1]
+    for kind in range(1, kinds):
+        own = _looked_up(scene, at[..., kind, :].reshape(-1, 2))[kind - 1]
+        own = own.reshape(len(at), len(PHALANGES), len(PHALANGES))[:, columns, columns]
+        least = np.argmin(own, axis=0)
+        value[:, kind], where[:, kind] = own[least, columns], at[least, columns, kind]
 
     def worst(kind: int, sign: int = 1) -> tuple[Worst, ...]:
         rows = zip(sign * value[:, kind], PHALANGES, where[:, kind], strict=True)
@@ -159,6 +158,20 @@ def find_worst_postures(finger: Finger) -> WorstPostures:
     blur = worst(2, -1) if kinds == 3 else ()
     transmission = _least_transmission(scene, degrees)
     return WorstPostures(worst(0), worst(1), blur, transmission, (spare(0), spare(1)))
+
+
+def _looked_up(
+    scene: Scene, degrees: Float[np.ndarray, "poses 2"]
+) -> Float[np.ndarray, "kinds poses pads"]:
+    """Least resolution (px/mm), and negative largest blur (pixels), over all places of pads."""
+    poses = np.deg2rad(degrees)
+    views = find_views(scene, jnp.asarray(poses)).value
+    sharp = find_sharpness(scene, poses, views, bounces=scene.layout.bounces)
+    found = [sharp.px_per_mm[..., 0]]
+    if scene.camera.lens is not None:
+        views = replace(views, distance=sharp.distance, apparent=sharp.apparent)
+        found.append(-np.max(find_focus(scene, views).blur, axis=(-2, -1)))
+    return np.stack(found)
 
 
 def _lowest(

@@ -158,7 +158,7 @@ def look(placement: Placement, task: Task, number: Int[Array, ""]) -> Look:
 
 
 def put_in(placement: Placement, finger: Finger) -> Finger:
-    """The finger with a placement, its camera so deep that its body is inside the dorsal face."""
+    """The finger with a placement, its camera so deep that its body is inside the back's wall."""
     made = eqx.combine(placement, finger)
     camera = camera_of(made)
     deeper = camera.depth + jnp.maximum(-dorsal_room(made), 0.0)

@@ -24,26 +24,44 @@ MOST_MIRRORS = 3
 FLOOR = 2.5
 """Least resolution, px/mm, of which the study's targets speak."""
 
+MODEL = "imx219-200"
+"""The default camera, whose maker states F2.0; the catalogue has no f-numbers of the others."""
+
+FOV_DEG, PIXELS = 160.0, 1080
+"""Of a lens that is none of the catalogue, unless they are given."""
+
 
 class CameraSpec(Spec):
     """The camera on the intermediate phalanx: a lens with an opaque body behind it.
 
-    Either an equidistant lens of any field of view, or one that is sold (``model``).
+    The lens is one that is sold (``model``) or, where ``fov_deg`` or ``pixels`` are given, an
+    equidistant one whose field of view fills the image line. Width and depth of the body are
+    assumptions: no maker states them for a lens and its sensor without their board.
     """
 
-    fov_deg: float = setting(160.0, "field of view in the section (degrees)", ge=20, le=220)
-    pixels: int = setting(1080, "pixels along the image line", ge=16, le=100_000)
     model: str = setting(
-        "", "camera of the catalogue, which has its own field of view and pixels (empty: none)"
+        MODEL, "camera of the catalogue (empty: an equidistant lens of fov_deg and pixels)"
+    )
+    fov_deg: Annotated[float, Field(ge=20, le=220)] | None = setting(
+        None, "field of view in the section, in place of a model's (degrees)"
+    )
+    pixels: Annotated[int, Field(ge=16, le=100_000)] | None = setting(
+        None, "pixels along the image line, in place of a model's"
     )
     section_axis: Literal["long", "short"] = setting(
         "long", "side of its sensor that lies in the section"
     )
     f_number: float = setting(
-        0.0, "focal length over aperture, for blur (0: sharp everywhere)", ge=0, le=100
+        2.0,
+        "focal length over aperture, for blur (0: sharp everywhere, and so unless given for other "
+        "lenses than the default)",
+        ge=0,
+        le=100,
     )
-    focus: Length = setting(30.0, "distance at which it is focused (mm)")
-    max_blur_px: Length = setting(2.0, "largest blur spot that is accepted (pixels)")
+    focus: Length = setting(
+        32.0, "distance at which it is focused: nearest and farthest place blur alike (mm)"
+    )
+    max_blur_px: Length = setting(8.0, "largest blur spot that is accepted (pixels)")
     width: Length = setting(8.0, "width of the opaque body (mm)")
     depth: Length = setting(4.0, "from the pinhole to the back of the opaque body (mm)")
     min_grazing_deg: float = setting(
@@ -72,6 +90,26 @@ class CameraSpec(Spec):
             camera = CameraTable.model_validate(table)
         return build_camera(camera)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _one_lens(cls, data: Any) -> Any:
+        """A lens of the catalogue or one of ``fov_deg`` and ``pixels``."""
+        if not isinstance(data, dict):
+            return data
+        own = {name: data.get(name) for name in ("fov_deg", "pixels")}
+        given = [name for name, value in own.items() if value is not None]
+        model = data.get("model", "" if given else MODEL)
+        if model and given:
+            raise ValueError(
+                f"{' and '.join(given)} and model '{model}' are two lenses; leave one of both out"
+            )
+        if model == MODEL:
+            return data
+        if not model:
+            usual = {"fov_deg": FOV_DEG, "pixels": PIXELS}
+            data = data | {name: usual[name] if own[name] is None else own[name] for name in own}
+        return {"f_number": 0.0} | data | {"model": model}
+
     @model_validator(mode="after")
     def _is_sold(self) -> CameraSpec:
         if self.model:
@@ -85,13 +123,15 @@ class CameraSpec(Spec):
 
 
 class PadsSpec(Spec):
-    """Clear layers on the pads, from the camera's side to the membrane."""
+    """Clear layers on the pads, from the camera's side to the membrane: acrylic and silicone."""
 
     thickness: list[Length] = setting(
-        [], "of each layer (mm); none: bare pads", max_length=MOST_LAYERS
+        [1.0, 1.0],
+        "of each layer (mm); none, and no index either: bare pads",
+        max_length=MOST_LAYERS,
     )
     index: list[Annotated[float, Field(ge=1, le=LARGEST_INDEX)]] = setting(
-        [], "of refraction of each layer"
+        [1.49, 1.41], "of refraction of each layer"
     )
     ends: Literal["black", "clear"] = setting("black", "end faces of the layers")
     reach: Literal["flush", "free"] = setting(
@@ -161,7 +201,7 @@ class SearchSpec(Spec):
         2.0, "size of the copies' errors over the stated ones, at the end", free=True, ge=0.1, le=10
     )
     mirror_weight: float = setting(
-        0.3, "price of 10 mm of mirror, in % of a pad that is not seen", free=True, ge=0, le=100
+        0.1, "price of 10 mm of mirror, in % of a pad that is not seen", free=True, ge=0, le=100
     )
 
 
@@ -194,7 +234,7 @@ class FingerMirrorsSpec(MirrorSpec):
 
     body: BodySpec = BodySpec()
     search: SearchSpec = SearchSpec(starts=8)
-    thin: float = setting(20.0, "thickness of a second body; 0 for none (mm)", ge=0, le=1e3)
+    thin: float = setting(0.0, "thickness of a second body; 0 for none (mm)", ge=0, le=1e3)
     thin_floor: float = setting(
         1.2, "least resolution of the second body (px/mm)", free=True, gt=0, le=1000
     )

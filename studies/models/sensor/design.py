@@ -14,7 +14,7 @@ from studies.models.sensor.spec import FingerImagesSpec
 
 
 def imaged_finger_design(spec: FingerImagesSpec, folder: Path | None) -> Design:
-    """The scene in the file that the settings name, or that of the packaged finger.
+    """The scene in the file that the settings name, or that of the bare finger.
 
     Args:
         spec: the study's settings.

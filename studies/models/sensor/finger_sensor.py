@@ -29,7 +29,7 @@ from optics.rendering import Effects, Imprint, Renderer, TactileImage
 from optics.scene.sold import projection_entry
 from perception import Lens, Sighting, View, ViewCatalog, detect_views, select_view, unwarp
 from perception.proprioception import CornerModel
-from studies.models.finger_file import packaged_finger, read_finger
+from studies.models.finger_file import bare_finger, read_finger
 from studies.models.one_thread import one_thread
 from studies.models.sensor.catalog import catalog_of
 from studies.models.sensor.estimators import corner_model, lens_of
@@ -188,14 +188,14 @@ def _fault(scene: Scene, imaging: Imaging) -> str:
 
 
 def designed(path: str) -> Scene:
-    """The scene in a file of a scene or of a finger; that of the packaged finger if none is named.
+    """The scene in a file of a scene or of a finger; that of the bare finger if none is named.
 
     Raises:
         UserError: the file describes neither.
     """
     if path and "finger" not in read_toml(path, "scene"):
         return read_scene(Path(path))
-    return (read_finger(path) if path else packaged_finger()).scene()
+    return (read_finger(path) if path else bare_finger()).scene()
 
 
 def carried_by_camera(scene: Scene) -> tuple[int, ...]:

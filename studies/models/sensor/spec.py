@@ -46,7 +46,7 @@ class MadeSpec(ToleranceSpec):
 class FingerImagesSpec(Spec):
     """What is rendered."""
 
-    scene: str = setting("", "file of the finger, or of its scene; the packaged finger by default")
+    scene: str = setting("", "file of the finger, or of its scene; the bare finger by default")
     width: Length = setting(WIDTH, "of the pads, as in paper B (mm)")
     severity: float = setting(
         1.0, "of light, blur, noise, rough edges: 0 none, 1 good, 2 poor", ge=0, le=2
