@@ -2,11 +2,11 @@
 
 Everything is written out a second time, in the frame of the intermediate phalanx: pins by circles
 that meet, velocities and the crank's turns by central differences of places, transmission angles by
-their definition (V. Alt, 1932: 90° less the angle between the force on a link and the velocity of
+their definition (H. Alt, 1932: 90° less the angle between the force on a link and the velocity of
 the pin on which it acts), clearances by distances of segments. Differential evolution looks for the
 largest least angle, feasible designs before others (K. Deb, *Comput. Methods Appl. Mech. Eng.* 186,
-2000); what it ends with is improved by linear programs in a trust region, with slopes by differences
-(R. Fletcher, *Practical Methods of Optimization*, 2nd ed., 1987, ch. 14).
+2000); what it ends with is improved by linear programs in a trust region, with slopes by
+differences (R. Fletcher, *Practical Methods of Optimization*, 2nd ed., 1987, ch. 14).
 
 Palmar faces are not among the parts that bars keep from: the axles cross all layers of bars, and
 between them and the faces is no room for one.
@@ -30,7 +30,10 @@ PINS = ("F", "E", "D", "C", "G", "G'")
 ON_LINKS = ("AF", "ABG", "BC", "FEK", "ED", "CDH", "GH")
 """Pins of every link; H is G'. Those of one link keep a distance."""
 
-LAYERS = ({"crank": "FEK", "plate": "CDH", "driver": "MN"}, {"rod": "ED", "bar": "GH", "coupler": "NK"})
+LAYERS = (
+    {"crank": "FEK", "plate": "CDH", "driver": "MN"},
+    {"rod": "ED", "bar": "GH", "coupler": "NK"},
+)
 """Bars by the layer in which they lie, with their pins. Both axles cross both layers."""
 
 STEP = 1e-5
@@ -55,10 +58,12 @@ class Asked:
         assembly: least distance of a pair of links from stretching and folding.
         turn: least turn of crank and plate per turn of a joint.
         ratio: greatest φ₂/φ₁; any if none.
-        motor: its axis behind the finger and above the crank's, and the crank's arm; none if it is
-            at the crank.
-        pinch: force, its place k₂, and moment of the wound spring, N, mm, N mm; none if any will do.
-        tip: force, its place from PIP, and the motor's moment, N, mm, N mm; none if any will do.
+        motor: its axis behind the finger and above the crank's, the crank's arm; none if it is at
+            the crank.
+        pinch: force, its place k₂, moment of the wound spring, N, mm, N mm; none if any will do.
+        tip: force, its place from PIP, the motor's moment, N, mm, N mm; none if any will do.
+        allowance: kept beyond every length; a turn keeps what it is of the least spacing, in rad,
+            the ratio that share of itself, and the pinch's force ten times that.
     """
 
     proximal: float = 35.0
@@ -81,6 +86,7 @@ class Asked:
     motor: tuple[float, float, float] | None = None
     pinch: tuple[float, float, float] | None = None
     tip: tuple[float, float, float] | None = None
+    allowance: float = 0.0
 
     def grid(self, count: int) -> NDArray[np.float64]:
         """So many angles of a joint from straight to the end of its range, rad."""
@@ -148,40 +154,42 @@ def measure(designs: NDArray[np.float64], asked: Asked, count: int) -> Measured:
     plate = 1 - _turn(*(ends["D"] - ends["C"] for ends in by_dip)) / (2 * STEP)
     crank = np.rad2deg(_turn(_crank(here, pip), was["E"] - was["F"]))
     apart, inside = _apart(here, asked), _inside(here, was, pip, asked)
+    extra = asked.allowance
+    turned = extra / asked.spacing
     margins = {
-        "assembly": reach - asked.assembly,
+        "assembly": reach - asked.assembly - extra,
         "crank closing with PIP": first - asked.turn,
         "crank closing with DIP": second - asked.turn,
         "plate turning with DIP": plate - asked.turn,
-        "range of the crank": asked.crank_range_deg - crank,
-        "|AF|": abs(was["F"]) - asked.crank_offset,
-        "|EF|": asked.crank_length - abs(was["E"] - was["F"]),
+        "range of the crank": asked.crank_range_deg - math.degrees(turned) - crank,
+        "|AF|": abs(was["F"]) - asked.crank_offset - extra,
+        "|EF|": asked.crank_length - extra - abs(was["E"] - was["F"]),
     }
     if asked.ratio is not None:
-        margins["φ₂/φ₁"] = asked.ratio * first - second
+        margins["φ₂/φ₁"] = asked.ratio * (1 - turned) * first - second
     if asked.pinch is not None:
         force, place, moment = asked.pinch
         arm = place + asked.intermediate
         margins["pinch held"] = (
-            moment * plate * first + force * (place * first - arm * second)
+            moment * plate * first + force * (1 + 10 * turned) * (place * first - arm * second)
         )[:, :, :1]
     if asked.tip is not None:
         force, place, moment = asked.tip
         margins["force at the tip"] = (moment * first / place - force)[:, :, :1]
     margins |= {
-        f"{a}-{b} apart": abs(was[a] - was[b]) - asked.spacing
+        f"{a}-{b} apart": abs(was[a] - was[b]) - asked.spacing - extra
         for link in ON_LINKS
         for a, b in combinations([pin for pin in link if pin in was], 2)
         if (a, b) != ("A", "B")
     }
-    margins |= {f"{a} from {b}": each - asked.clearance for (a, b), each in apart.items()}
-    keep = asked.bar_width / 2 + asked.shell + asked.clearance
+    margins |= {f"{a} from {b}": each - asked.clearance - extra for (a, b), each in apart.items()}
+    keep = asked.bar_width / 2 + asked.shell + asked.clearance + extra
     margins |= {f"{pin} inside the {side}": each - keep for (pin, side), each in inside.items()}
     return Measured(angles, second / first, crank, apart, inside, margins)
 
 
 def _places(was: Places, pip: NDArray, dip: NDArray) -> tuple[Places, NDArray]:
-    """Pins in the intermediate phalanx's frame, and how far both pairs of links are from lock-up."""
+    """Pins in the intermediate phalanx's frame, and how far the linkage is from lock-up, mm."""
     back, middle = np.exp(1j * pip), was["B"]
     at = {"A": was["A"], "B": middle, "C": middle + (was["C"] - middle) * np.exp(-1j * dip)}
     at |= {"G": was["G"], "F": was["F"] * back}
@@ -207,7 +215,7 @@ def _meet(
 
 
 def _motor(was: Places, asked: Asked) -> Places:
-    """K and the motor's axis M: F-K is at right angles to M-F in the middle of the crank's range."""
+    """K and the motor's axis M; F-K is at right angles to M-F amid the crank's range."""
     assert asked.motor is not None
     behind, above, length = asked.motor
     end = np.full((1, 1), math.radians(asked.range_deg))
@@ -251,7 +259,8 @@ def _angles(
     }
     shape = np.broadcast_shapes(rod.shape, pip.shape)
     return {
-        name: np.broadcast_to(_pressed(force, moved), shape) for name, (force, moved) in acting.items()
+        name: np.broadcast_to(_pressed(force, moved), shape)
+        for name, (force, moved) in acting.items()
     }
 
 
@@ -277,7 +286,7 @@ def _apart(at: Places, asked: Asked) -> dict[tuple[str, str], NDArray]:
 
 
 def _distance(one: list[Complex], other: list[Complex]) -> NDArray:
-    """Of two convex outlines (points, segments, triangles) by their corners; 0 where they overlap."""
+    """Of two points, segments or triangles by their corners; 0 where they overlap."""
     found = [_to_edge(p, *edge) for p in one for edge in _edges(other)]
     found += [_to_edge(p, *edge) for p in other for edge in _edges(one)]
     between = _least(found)
@@ -288,7 +297,9 @@ def _distance(one: list[Complex], other: list[Complex]) -> NDArray:
     for corners, point in ((one, other[0]), (other, one[0])):
         if len(corners) == 3:
             sides = [_side(*edge, point) for edge in _edges(corners)]
-            within = (np.sign(sides[0]) == np.sign(sides[1])) & (np.sign(sides[1]) == np.sign(sides[2]))
+            within = (np.sign(sides[0]) == np.sign(sides[1])) & (
+                np.sign(sides[1]) == np.sign(sides[2])
+            )
             between = np.where(within, 0.0, between)
     return between
 
@@ -315,9 +326,7 @@ def _to_edge(p: Complex, a: Complex, b: Complex) -> NDArray:
     return abs(to - np.clip(part, 0.0, 1.0) * along)
 
 
-def _inside(
-    at: Places, was: Places, pip: NDArray, asked: Asked
-) -> dict[tuple[str, str], NDArray]:
+def _inside(at: Places, was: Places, pip: NDArray, asked: Asked) -> dict[tuple[str, str], NDArray]:
     """What axes of pins keep from faces and ends of their phalanx; the back is round at joints."""
     ahead, found = np.exp(-1j * pip), {}
     own = {pin: (at[pin] * ahead, -math.inf, 0.0) for pin in "FEK" if pin in at}
@@ -359,7 +368,7 @@ def find_design(
     asked: Asked,
     seed: int,
     *,
-    runs: int = 8,
+    runs: int = 10,
     generations: int = 600,
     population: int = 12,
     kept: int = 2,
@@ -414,7 +423,7 @@ def find_design(
     return Found(best, float(last.least_deg[0]), float(last.worst[0]), evolved, reached.tolist())
 
 
-PRICE = 1e3
+PRICE = 1e4
 """Degrees that are given for a unit of a requirement that is missed."""
 
 NEARLY = 1e-6
@@ -432,7 +441,7 @@ LARGEST = 4.0
 
 
 def _box(asked: Asked) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where pins may be in the straight finger, mm: a phalanx further than the one they belong to."""
+    """Where pins may be in the straight finger, mm: far beyond the phalanx they belong to."""
     keep = asked.bar_width / 2 + asked.shell + asked.clearance
     rear, tip = keep - asked.proximal, asked.intermediate + asked.distal - keep
     spans = [(rear, asked.intermediate)] * 2 + [(rear, tip), (0.0, tip), (rear, tip), (rear, tip)]
