@@ -22,7 +22,10 @@ PLAIN = {
 }
 """Settings without the motor's parallelogram and without forces."""
 
-ELSEWHERE: tuple[tuple[dict[str, Any], dict[float, float]], ...] = (({}, {}), (PLAIN, {}))
+ELSEWHERE: tuple[tuple[dict[str, Any], dict[float, float]], ...] = (
+    ({}, {}),
+    (PLAIN, {0.3: 17.51, 0.4: 39.24}),
+)
 """Settings that differ from the defaults, and by bounds the least angles (degrees) to which
 `studies.oracles.finger_search.find_design` came with them and seed 0."""
 

@@ -411,12 +411,12 @@ def find_design(
             updating="deferred",
         )
         evolved.append(-float(result.fun) if result.fun < 0 else math.nan)
-        ends = [_improved(start, asked, counts[0]) for start in _different(result, kept)]
+        ends = [improve(start, asked, counts[0]) for start in _different(result, kept)]
         improved.append(max(ends, key=lambda one: _merit(one[None], asked, counts[0])[0]))
     merits = [_merit(one[None], asked, counts[0])[0] for one in improved]
     best = improved[int(np.argmax(merits))]
     for count in counts[1:]:
-        best = _improved(best, asked, count)
+        best = improve(best, asked, count)
     last = measure(best[None], asked, counts[-1])
     coarse = measure(np.array(improved), asked, counts[0])
     reached = np.where(coarse.worst <= NEARLY, coarse.least_deg, math.nan)
@@ -426,7 +426,7 @@ def find_design(
 PRICE = 1e4
 """Degrees that are given for a unit of a requirement that is missed."""
 
-NEARLY = 1e-6
+NEARLY = 1e-4
 """Largest miss of a design that counts as meeting its requirements."""
 
 APART = 2.0
@@ -464,7 +464,7 @@ def _merit(designs: NDArray[np.float64], asked: Asked, count: int) -> NDArray[np
     return found.least_deg - PRICE * np.maximum(found.worst, 0.0)
 
 
-def _improved(
+def improve(
     design: NDArray[np.float64], asked: Asked, count: int, radius: float = 0.5
 ) -> NDArray[np.float64]:
     """A local optimum near a design, by linear programs in a trust region of so many mm."""

@@ -305,10 +305,10 @@ def test_lengths_of_links():
 
 @pytest.fixture(scope="module")
 def quick():
-    """The study with a search of one round, without the other solvers."""
+    """The study with a search of one round and one bound, without the other solvers."""
     how = {"starts": 4, "among": 4096, "exchanges": 1, "step_deg": 30.0, "finalists": 1}
     return run_study(
-        "finger-linkage", {"search": how, "draws": 10, "precision": False, "front": []}
+        "finger-linkage", {"search": how, "draws": 10, "precision": False, "front": [0.5]}
     )
 
 
@@ -322,6 +322,10 @@ def test_a_quick_search_beats_design_b(quick):
     assert least > 44
     (held,) = (table for table in quick.tables if table.name == "active")
     assert 0 < sum(row[-1] for row in held.rows) <= 1 + 1e-9
+    (front,) = (table for table in quick.tables if table.name == "front")
+    ((bound, bounded_deg, ratio, *_),) = front.rows
+    assert ratio <= bound == 0.5
+    assert 0 < bounded_deg < least
 
 
 ASKED = {
