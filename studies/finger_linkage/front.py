@@ -60,8 +60,8 @@ class Point:
         return min(self.verdict.checks, key=lambda one: one.slack / abs(one.required or 1)).name
 
 
-def find_front(spec: FingerLinkageSpec, found: Search, seed: int) -> list[Point]:
-    """The best designs for all bounds of ``spec.front``, the loosest first.
+def find_front(spec: FingerLinkageSpec, found: Search, seed: int) -> Records:
+    """The best designs for all bounds of ``spec.front``.
 
     Each begins with the design of its looser neighbour, the first with the study's own, and then
     once more with that of its tighter one, whose design meets its requirements, too. For the middle
@@ -71,11 +71,14 @@ def find_front(spec: FingerLinkageSpec, found: Search, seed: int) -> list[Point]
         spec: the study's settings.
         found: a search with them.
         seed: of the Sobol points.
+
+    Returns:
+        Columns ``bound``, in rising order; ``least_deg`` and ``ratio``, the least angle and the
+        largest φ₂/φ₁ of all postures; ``binding``, ``begun`` and ``feasible`` as `Point` has them.
     """
     bounds = sorted(set(spec.front), reverse=True)
-    if not bounds:
-        return []
-    front, near = [], found
+    front: list[Point] = []
+    near = found
     for bound in bounds:
         asked = bounded(spec, bound)
         best = _point(asked, bound, search_on(asked, near), NEIGHBOUR)
@@ -89,7 +92,17 @@ def find_front(spec: FingerLinkageSpec, found: Search, seed: int) -> list[Point]
         front[place] = _better(
             looser, _point(bounded(spec, looser.bound), looser.bound, again, NEIGHBOUR)
         )
-    return front
+    rows = Records()
+    for one in reversed(front):
+        rows.add(
+            bound=one.bound,
+            least_deg=one.verdict.least_deg,
+            ratio=one.verdict.ratio.max(),
+            binding=one.binding,
+            begun=one.begun,
+            feasible="yes" if one.feasible else "no",
+        )
+    return rows
 
 
 def bounded(spec: FingerLinkageSpec, bound: float) -> FingerLinkageSpec:
@@ -112,20 +125,11 @@ def elsewhere(spec: FingerLinkageSpec) -> dict[float, float]:
     return ELSEWHERE if usual else {}
 
 
-def add_front(out: Report, spec: FingerLinkageSpec, front: list[Point]) -> None:
+def add_front(out: Report, spec: FingerLinkageSpec, rows: Records) -> None:
     """Table, figure and findings of what `find_front` gives; nothing of an empty front."""
-    if not front:
+    if not len(rows):
         return
-    rows, other = Records(), elsewhere(spec)
-    for one in reversed(front):
-        rows.add(
-            bound=one.bound,
-            least_deg=one.verdict.least_deg,
-            ratio=one.verdict.ratio.max(),
-            binding=one.binding,
-            begun=one.begun,
-            feasible="yes" if one.feasible else "no",
-        )
+    other = elsewhere(spec)
     out.table("front", rows)
     met = rows.where(feasible="yes")
     out.figure("front", draw_front(met, other), most=2)
