@@ -39,7 +39,7 @@ LAYERS = (
 STEP = 1e-5
 """Of the joints' angles for differences, rad."""
 
-Complex = NDArray[np.complex128]
+Complex = NDArray[np.complexfloating]
 Places = dict[str, Complex]
 
 
@@ -400,7 +400,7 @@ def find_design(
     for run in range(runs):
         result = scipy.optimize.differential_evolution(
             objective,
-            scipy.optimize.Bounds(low, high),
+            list(zip(low, high, strict=True)),
             maxiter=generations,
             popsize=population,
             tol=0.0,
