@@ -135,7 +135,9 @@ def measure(designs: NDArray[np.float64], asked: Asked, count: int) -> Measured:
     """
     given = np.asarray(designs, float).reshape(-1, 6, 2)
     at = given[..., 0] + 1j * given[..., 1]
-    was = {pin[0] if pin != "G'" else "H": at[:, i, None, None] for i, pin in enumerate(PINS)}
+    was: Places = {
+        pin[0] if pin != "G'" else "H": at[:, i, None, None] for i, pin in enumerate(PINS)
+    }
     was |= {"A": np.zeros((1, 1, 1), complex), "B": np.full((1, 1, 1), complex(asked.intermediate))}
     pip, dip = asked.grid(count)[:, None], asked.grid(count)[None, :]
     if asked.motor is not None:
