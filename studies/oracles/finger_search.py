@@ -24,11 +24,11 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
-PINS = ("F", "E", "D", "C", "G", "G'")
-"""In the order of a design's coordinates, x and y of each in the straight finger."""
+PINS = "FEDCGH"
+"""In the order of a design's coordinates, x and y of each in the straight finger; H is G'."""
 
 ON_LINKS = ("AF", "ABG", "BC", "FEK", "ED", "CDH", "GH")
-"""Pins of every link; H is G'. Those of one link keep a distance."""
+"""Pins of every link. Those of one link keep a distance."""
 
 LAYERS = (
     {"crank": "FEK", "plate": "CDH", "driver": "MN"},
@@ -135,9 +135,7 @@ def measure(designs: NDArray[np.float64], asked: Asked, count: int) -> Measured:
     """
     given = np.asarray(designs, float).reshape(-1, 6, 2)
     at = given[..., 0] + 1j * given[..., 1]
-    was: Places = {
-        pin[0] if pin != "G'" else "H": at[:, i, None, None] for i, pin in enumerate(PINS)
-    }
+    was: Places = {pin: at[:, i, None, None] for i, pin in enumerate(PINS)}
     was |= {"A": np.zeros((1, 1, 1), complex), "B": np.full((1, 1, 1), complex(asked.intermediate))}
     pip, dip = asked.grid(count)[:, None], asked.grid(count)[None, :]
     if asked.motor is not None:
