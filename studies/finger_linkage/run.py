@@ -17,6 +17,7 @@ from designopt.study.study import Context
 from kinematics.design import LINKAGE
 from kinematics.io.designed import DesignedLinkage
 from studies.benchmarks.measuring import listed
+from studies.finger_linkage.front import add_front, find_front
 from studies.finger_linkage.solvers import add_comparison, compare
 from studies.models.designed import designed_linkage
 from studies.models.finger_file import packaged_or_designed
@@ -26,7 +27,7 @@ from studies.models.linkage_design.judging import everywhere
 from studies.models.linkage_design.postures import find_postures
 from studies.models.linkage_design.problem import grids
 from studies.models.linkage_design.searching import search
-from studies.models.linkage_design.spec import FingerLinkageSpec
+from studies.models.linkage_design.spec import DECIDING, FingerLinkageSpec
 from studies.models.linkage_design.tables import add_tables
 from studies.models.spec_files import linkage_file
 from studies.models.words import words_of
@@ -37,9 +38,6 @@ an independent search reached with as much room between bars, axles and faces; d
 
 SAME_DEG = 0.02
 """Starts that end within this of the best count as having reached it, degrees."""
-
-DECIDING = {"body", "limits", "links", "motor", "search"}
-"""The settings on which the design depends; the others decide how it is judged."""
 
 
 def run(spec: FingerLinkageSpec, context: Context) -> Results:
@@ -57,6 +55,8 @@ def run(spec: FingerLinkageSpec, context: Context) -> Results:
     add_findings(out, spec, found)
     add_tables(out, spec.limits, found)
     add_figures(out, spec.limits, found)
+    with context.step("Front of the least angle against the bound on φ₂/φ₁"):
+        add_front(out, spec, find_front(spec, found.search, context.seed))
     if spec.precision:
         with context.step("Solvers, and differential evolution as the yardstick"):
             add_comparison(out, *compare(spec, found.search, context.seed))

@@ -17,6 +17,7 @@ from designopt.optimize import Evolution
 from designopt.study.records import Records
 from designopt.study.report import Report
 from designopt.study.runner import run_study
+from studies.finger_linkage.front import ELSEWHERE, PLAIN, add_front
 from studies.finger_linkage.solvers import add_comparison
 from studies.models.finger_file import write_finger
 from studies.models.link_layers import Links
@@ -37,6 +38,7 @@ from studies.models.linkage_design.spec import (
 from studies.models.linkage_design.tolerance import least_angles
 from studies.models.links import LinksTable
 from studies.models.pins import Pins, pin_name
+from studies.models.words import words_of
 from studies.oracles.clearances import polygon_clearances
 from studies.oracles.grasp import Setting, pin_places
 from tests.studies.fingers import finger_of, reference_pins
@@ -278,6 +280,26 @@ def test_a_comparison_without_a_feasible_run_has_no_best():
     assert all(math.isnan(metric.value) for metric in found.metrics)
 
 
+def test_the_front_is_told_with_what_missed_requirements_and_what_another_search_found():
+    spec = FingerLinkageSpec.model_validate(PLAIN)
+    same = {"ratio": 0.2, "binding": "|EF|", "begun": "neighbour"}
+    rows = Records({"bound": [0.2, 0.3, 0.4], "least_deg": [3.0, 17.6, 39.0], **same})
+    rows |= {"feasible": ["no", "yes", "yes"]}
+    out = Report(spec, words_of("studies.finger_linkage", "studies.models.linkage_design"))
+    add_front(out, spec, rows)
+    found = out.results()
+    ((table,), (drawn,), findings) = found.tables, found.figures, found.findings
+    assert [row[0] for row in table.rows] == [0.2, 0.3, 0.4]
+    assert [row[-1] for row in table.rows] == ["no", "yes", "yes"]
+    assert "17.6° at 0.3 and 39.0° at 0.4" in findings[0]
+    assert "at most 0.2 no design" in findings[1]
+    assert f"{39.0 - ELSEWHERE[0.4]:+.2f}° at 0.4" in findings[2]
+    assert drawn.name == "front"
+    empty = Report(spec, words_of("studies.finger_linkage"))
+    add_front(empty, spec, Records())
+    assert not empty.results().tables
+
+
 def test_the_sequences_show_all_of_a_long_finger():
     for axes in draw_sequences(finger_of(distal=80.0)).axes:
         (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
@@ -305,9 +327,11 @@ def test_lengths_of_links():
 
 @pytest.fixture(scope="module")
 def quick():
-    """The study with a search of one round, without the other solvers."""
+    """The study with a search of one round and one bound, without the other solvers."""
     how = {"starts": 4, "among": 4096, "exchanges": 1, "step_deg": 30.0, "finalists": 1}
-    return run_study("finger-linkage", {"search": how, "draws": 10, "precision": False})
+    return run_study(
+        "finger-linkage", {"search": how, "draws": 10, "precision": False, "front": [0.5]}
+    )
 
 
 @pytest.mark.slow
@@ -320,6 +344,10 @@ def test_a_quick_search_beats_design_b(quick):
     assert least > 44
     (held,) = (table for table in quick.tables if table.name == "active")
     assert 0 < sum(row[-1] for row in held.rows) <= 1 + 1e-9
+    (front,) = (table for table in quick.tables if table.name == "front")
+    ((bound, bounded_deg, ratio, *_),) = front.rows
+    assert ratio < bound + 0.01 == 0.51
+    assert 0 < bounded_deg < least
 
 
 ASKED = {

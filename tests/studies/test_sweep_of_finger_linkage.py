@@ -17,7 +17,7 @@ SEARCH = ("starts=4", "among=512", "step_deg=45", "exchanges=0", "finalists=1")
 
 SWEEP = [
     *(sys.executable, "-m", "designopt", "sweep", "finger-linkage"),
-    *("--set", "precision=false", "--set", "draws=10"),
+    *("--set", "precision=false", "--set", "front=[]", "--set", "draws=10"),
     *(part for text in SEARCH for part in ("--set", f"search.{text}")),
     *("--vary", "body.thickness=22:26:2", "--vary", "limits.crank_length=18:24:3"),
 ]

@@ -12,6 +12,9 @@ from studies.models.body import BodySpec
 from studies.models.body import Length as Positive
 from studies.models.links import LinksTable
 
+DECIDING = {"body", "limits", "links", "motor", "search"}
+"""The settings on which the design depends; the others decide how it is judged."""
+
 Stiffness = Annotated[float, Field(ge=1e-6, le=1e6)]
 
 
@@ -109,6 +112,11 @@ class FingerLinkageSpec(LinkageSpec):
 
     body: BodySpec = setting(BodySpec(), "the phalanges", free=True)
     spring: SpringSpec = setting(SpringSpec(), "spring and motor", free=True)
+    front: list[Annotated[float, Field(gt=0, le=10)]] = setting(
+        [0.25, 0.3, 0.35, 0.4, 0.45, 0.5],
+        "bounds on φ₂/φ₁ for each of which the linkage is designed; none: []",
+        free=True,
+    )
     precision: bool = setting(True, "measure error against run time", free=True)
     evolution_seconds: float = setting(
         20.0, "time given to differential evolution, the yardstick (s)", scales=True, gt=0, le=3600
