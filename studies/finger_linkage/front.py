@@ -64,8 +64,8 @@ def find_front(spec: FingerLinkageSpec, found: Search, seed: int) -> Records:
     """The best designs for all bounds of ``spec.front``.
 
     Each begins with the design of its looser neighbour, the first with the study's own, and then
-    once more with that of its tighter one, whose design meets its requirements, too. For the middle
-    and the tightest bound there is a search from many starts besides.
+    once more with that of its tighter one, whose design meets its requirements, too. For each bound
+    there is a search from many starts besides, for designs nearby get stuck.
 
     Args:
         spec: the study's settings.
@@ -82,8 +82,7 @@ def find_front(spec: FingerLinkageSpec, found: Search, seed: int) -> Records:
     for bound in bounds:
         asked = bounded(spec, bound)
         best = _point(asked, bound, search_on(asked, near), NEIGHBOUR)
-        if bound in (bounds[len(bounds) // 2], bounds[-1]):
-            best = _better(best, _point(asked, bound, search(asked, seed, found.near), STARTS))
+        best = _better(best, _point(asked, bound, search(asked, seed, found.near), STARTS))
         front.append(best)
         near = best.search
     for place in reversed(range(len(front) - 1)):

@@ -137,7 +137,7 @@ def add_findings(out: Report, spec: FingerLinkageSpec, found: LinkageDesign) -> 
 def add_operations(out: Report, spec: FingerLinkageSpec, found: LinkageDesign) -> None:
     """Operations of the search's problem beside the general solver's, and beside all it asks."""
     last, finger = found.search.rounds[-1].problem, found.finger
-    pip, dip = grids(finger.body, spec.search.step_deg)
+    pip, dip = map(jnp.asarray, grids(finger.body, spec.search.step_deg))
     square = jnp.stack(jnp.meshgrid(pip, dip, indexing="ij"), axis=-1)
     angles = count_operations(
         lambda pins: find_postures(replace(finger, pins=pins), pip, dip).angles, finger.pins

@@ -52,6 +52,8 @@ def test_the_smallest_change_meets_everything_and_half_of_it_does_not(blind):
         lever = levers[one.setting]
         steps = (one.needed - one.now) / lever.step
         with_it, with_half = changed(spec, lever, steps), changed(spec, lever, steps / 2)
+        assert with_it is not None
+        assert with_half is not None
         assert value_of(with_half, one.setting) == pytest.approx(one.half)
         assert designer.met(with_it, 0.0)
         assert not designer.met(with_half, 0.0)
@@ -77,7 +79,9 @@ def test_settings_that_are_refused_are_no_advice():
     """A distal phalanx that leaves no room for its pad."""
     lever = Lever("body.distal", -10.0, 4)
     assert changed(FingerSpec(), lever, 3) is None
-    assert changed(FingerSpec(), lever, 1).body == BodySpec(distal=22.0)
+    shorter = changed(FingerSpec(), lever, 1)
+    assert shorter is not None
+    assert shorter.body == BodySpec(distal=22.0)
 
 
 def test_every_lever_is_a_setting():

@@ -89,7 +89,10 @@ def expected_of(kind):
 def expected(pins, flexion):
     """Angles (degrees), the crank's turn (rad) and places by the oracle's circles, squares."""
     was = {name: complex(*np.asarray(getattr(pins, name))) for name in "CDEFGH"}
-    setting = Setting(was, (float(BODY.intermediate), 0.0), *[0.0] * 8, circle=None)
+    given = {"depth": 0.0, "starts": (0.0, 0.0), "rim": 0.0, "limits": (0.0, 0.0), "spring": 0.0}
+    given |= {"servo": 0.0, "preload": 0.0, "command": 0.0}
+    lengths = float(BODY.intermediate), 0.0
+    setting = Setting(was, lengths, **given, circle=None)
     angles = {name: np.zeros((len(flexion),) * 2) for name in SYMBOLS}
     crank, places = np.zeros((len(flexion),) * 2), {}
     for i, j in np.ndindex(crank.shape):

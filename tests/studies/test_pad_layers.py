@@ -105,6 +105,7 @@ def test_the_oracle_reads_the_same_layers(tmp_path):
     """Those of the scene and of `studies.oracles.clearances`, with all kinds of ends."""
     made = finger((1.5, 1.0), range_deg=[88, 79], protrusion=0.3, pad_clearance=0.4, rim=2.0)
     shares = np.random.default_rng(5).uniform(0, 1, (2, 2, 2))
+    assert made.layers is not None
     layers = replace(made.layers, reach=shares[0], outer_reach=shares[1])
     write_finger(replace(made, layers=layers), tmp_path / "finger.toml")
     tables = tomllib.loads((tmp_path / "finger.toml").read_text())
