@@ -277,12 +277,14 @@ def test_cameras_of_the_catalogue_are_as_their_makers_state(name, side):
     within = stated.pop("within")
     long, short = entry["format"]["sensor_mm"]
     extents = {"horizontal": long, "vertical": short, "diagonal": math.hypot(long, short)}
-    lens = ANGLES[entry["projection"]]
+    lens, circle = ANGLES[entry["projection"]], entry.get("image_circle_mm", math.inf)
     for key, value in stated.items():
         extent = extents.get(key)
-        found = focal if extent is None else math.degrees(2 * lens(extent / 2 / focal))
+        found = focal
+        if extent is not None:
+            found = math.degrees(2 * lens(min(extent, circle) / 2 / focal))
         assert found == pytest.approx(value, rel=within)
-    own = extents["horizontal" if side == "long" else "vertical"]
+    own = min(extents["horizontal" if side == "long" else "vertical"], circle)
     assert float(eye.field_of_view) == pytest.approx(2 * lens(own / 2 / focal))
 
 
