@@ -169,7 +169,8 @@ def _looked_up(
     sharp = find_sharpness(scene, poses, views, bounces=scene.layout.bounces)
     found = [sharp.px_per_mm[..., 0]]
     if scene.camera.lens is not None:
-        views = replace(views, distance=sharp.distance, apparent=sharp.apparent)
+        distance, apparent = jnp.asarray(sharp.distance), jnp.asarray(sharp.apparent)
+        views = replace(views, distance=distance, apparent=apparent)
         found.append(-np.max(find_focus(scene, views).blur, axis=(-2, -1)))
     return np.stack(found)
 
