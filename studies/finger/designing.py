@@ -167,8 +167,7 @@ def missed_by_linkage(spec: FingerSpec, linkage: LinkageDesign) -> list[str]:
 
 def _optics(spec: FingerSpec) -> str:
     """All settings that concern camera and mirrors, as one key."""
-    parts = spec.body, spec.linkage.links, spec.mirrors
-    return " ".join(part.model_dump_json() for part in parts)
+    return f"{spec.body!r} {spec.mirrors!r} {spec.linkage.links.shell}"
 
 
 def with_linkage(finger: Finger, other: Finger) -> Finger:
@@ -213,8 +212,10 @@ def requirements(spec: FingerSpec, found: FingerDesign) -> Records:
     asked, least = f"> {limits.transmission_deg:g}°", linkage.least_deg
     met = least > limits.transmission_deg
     line("transmission angles", "Transmission", asked, f"{least:.2f}°", met)
-    reached = f"{end:g}° each" if linkage.assembles else "not in every posture"
-    asked = f"0 to {end:g}°"
+    pip, dip = spec.body.ranges_deg
+    ends = f"{end:g}° each" if pip == dip else f"{pip:g}° and {dip:g}°"
+    reached = ends if linkage.assembles else "not in every posture"
+    asked = f"0 to {end:g}°" if pip == dip else f"0 to {pip:g}° and 0 to {dip:g}°"
     line("range of motion of each joint", "Transmission", asked, reached, linkage.assembles)
     asked, crank = f"≤ {limits.crank_range_deg:g}°", linkage.crank_range_deg
     line("range of the crank", "§3.1.2", asked, f"{crank:.1f}°", crank <= limits.crank_range_deg)

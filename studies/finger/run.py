@@ -30,7 +30,6 @@ from studies.models.finger import (
     Finger,
     FingerSpring,
     camera_of,
-    mirror_names,
     spring_of,
 )
 from studies.models.finger_file import packaged_or_designed, read_finger
@@ -135,7 +134,7 @@ def dimensions(finger: Finger) -> Records:
         (camera, "optical axis from straight down, counter-clockwise", tilt, "°"),
     ]
     dorsal = float(body.dorsal)
-    names = mirror_names([mirror.phalanx for mirror in finger.mirrors])
+    names = finger.mirror_names
     for name, mirror in zip(names, finger.mirrors, strict=True):
         origin = "A" if mirror.phalanx == "proximal" else "B"
         part = f"{name} mirror, from {origin} in its phalanx"

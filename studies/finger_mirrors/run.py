@@ -20,7 +20,7 @@ from optics.scene.designed import DesignedScene
 from studies.finger_mirrors import solvers
 from studies.models.body import BodySpec
 from studies.models.designed import designed_scene
-from studies.models.finger import PHALANGES, Body, Finger, camera_of, mirror_names
+from studies.models.finger import PHALANGES, Body, Finger, camera_of
 from studies.models.finger_file import packaged_or_designed
 from studies.models.link_layers import Links
 from studies.models.links import LinksTable
@@ -354,7 +354,7 @@ def worst_rows(verdict: judging.Verdict) -> Records:
 
 def names_of_errors(finger: Finger) -> tuple[str, ...]:
     """What the entries of a row of its errors are."""
-    return errors.error_names(mirror_names([mirror.phalanx for mirror in finger.mirrors]))
+    return errors.error_names(finger.mirror_names)
 
 
 def arrangements(cases: dict[str, Case]) -> Records:
@@ -373,8 +373,7 @@ def _numbers(finger: Finger) -> dict[str, float]:
         "camera_y_mm": dorsal - float(camera.depth),
         "camera_tilt_deg": math.degrees(float(camera.tilt)),
     }
-    names = mirror_names([mirror.phalanx for mirror in finger.mirrors])
-    for name, mirror in zip(names, finger.mirrors, strict=True):
+    for name, mirror in zip(finger.mirror_names, finger.mirrors, strict=True):
         for end, (along, depth) in zip(("near", "far"), mirror.ends.tolist(), strict=True):
             mirror_end = f"{name.replace(' ', '_')}_{end}"
             found |= {f"{mirror_end}_x_mm": along, f"{mirror_end}_y_mm": dorsal - depth}

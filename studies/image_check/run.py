@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from designopt import Context, Records, Report, Results, UserError
+from designopt import Context, Records, Report, Results
 from designopt.plot.figures import new_figure
 from designopt.study import plots
 from designopt.user_folders import cache_folder
@@ -46,10 +46,10 @@ from studies.image_check.cases import (
     with_lamps,
     without_layers,
 )
+from studies.models.path_tracer import require_mitsuba
 from studies.models.sensor.estimators import Predictor
 from studies.models.sensor.finger_sensor import FingerSensor, deviations_of, in_section
 from studies.models.sensor.spec import WIDTH
-from studies.oracles.judge.engine import load_mitsuba
 from studies.oracles.judge.photograph import Photograph, photograph
 
 FOLDER = "image-check"
@@ -84,13 +84,7 @@ def run(spec: ImageCheckSpec, context: Context) -> Results:
         UserError: Mitsuba is not installed, or another float type than float64.
     """
     context.require_float64("image-check compares with a path tracer")
-    try:
-        load_mitsuba()
-    except ModuleNotFoundError as error:
-        raise UserError(
-            "image-check: the package mitsuba is missing; install it: pip install "
-            "'designopt[judge]'"
-        ) from error
+    require_mitsuba("image-check")
     folder = cache_folder(spec.cache, FOLDER)
     found = Findings(spec)
     # Those of the finger with everything: the others have fewer errors.

@@ -380,6 +380,11 @@ class Finger(eqx.Module):
             assembly = by_joints, by_crank
         return cls(body, pins, spring, camera, tuple(mirrors), links, motor, name, assembly, layers)
 
+    @property
+    def mirror_names(self) -> tuple[str, ...]:
+        """Names of its mirrors, in their order; see `mirror_names`."""
+        return mirror_names([mirror.phalanx for mirror in self.mirrors])
+
     def with_pins(self, pins: Pins) -> Finger:
         """The same finger with other pins, plain numbers, assembled as they stand.
 

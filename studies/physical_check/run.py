@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from matplotlib.figure import Figure
 
-from designopt import Context, Records, Report, Results, UserError
+from designopt import Context, Records, Report, Results
 from designopt.plot.figures import PALETTE, new_figure
 from designopt.plot.typesetting import drawn_name
 from designopt.study import plots
@@ -29,7 +29,7 @@ from optics import (
     parse_scene,
 )
 from optics.visibility.outlines import CORNERS
-from studies.oracles.judge.engine import load_mitsuba
+from studies.models.path_tracer import require_mitsuba
 from studies.oracles.judge.frames import FAN, Corner, Frame, View, judge_once, picture
 from studies.physical_check import PhysicalCheckSpec
 from studies.physical_check.cases import Case, cases
@@ -57,13 +57,7 @@ def run(spec: PhysicalCheckSpec, context: Context) -> Results:
         UserError: Mitsuba is not installed, or another float type than float64.
     """
     context.require_float64("physical-check compares to a hundredth of a pixel")
-    try:
-        mitsuba = load_mitsuba()
-    except ModuleNotFoundError as error:
-        raise UserError(
-            "physical-check: the package mitsuba is missing; install it: pip install "
-            "'designopt[judge]'"
-        ) from error
+    mitsuba = require_mitsuba("physical-check")
     out, found = Report(spec, package=__package__), Comparison()
     folder, shown = cache_folder(spec.cache, FOLDER), None
     for case in cases(spec, context.seed):

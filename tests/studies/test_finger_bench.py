@@ -99,8 +99,8 @@ def test_messages_of_both_are_told(finger):
     bench, values, _ = finger
     assert bench.show(values).message == ""
     # The plate's other sides are 25.7 and 6 mm long.
-    told = bench.show(values | {"plate C-G'": 10.0, "camera tilt": 45.0}).message
-    linkage, scene = told.split("; pad ")
+    message = bench.show(values | {"plate C-G'": 10.0, "camera tilt": 45.0}).message
+    linkage, scene = message.split("; pad ")
     assert "plate" in linkage
     assert scene.startswith("'proximal': ")
 

@@ -14,7 +14,6 @@ from jaxtyping import Float
 from pydantic import ValidationError
 from scipy.stats import qmc
 
-from designopt.errors import UserError
 from designopt.study.records import Records
 from designopt.study.report import Report
 from designopt.study.results import Results
@@ -32,8 +31,8 @@ from studies.models.linkage_design.clearances import (
     name_of,
 )
 from studies.models.mirror_design.clearances import clearance_checks
+from studies.models.path_tracer import require_mitsuba
 from studies.oracles.clearances import polygon_clearances
-from studies.oracles.judge.engine import load_mitsuba
 from studies.oracles.traced_coverage import traced_coverage
 
 BOUNDS = {
@@ -76,21 +75,16 @@ def run(spec: FingerVerdictsSpec, context: Context) -> Results:
         UserError: Mitsuba is not installed, or another float type than float64.
     """
     context.require_float64("finger-verdicts solves requirements to 1e-8")
-    try:
-        load_mitsuba()
-    except ModuleNotFoundError as error:
-        raise UserError(
-            "finger-verdicts: the package mitsuba is missing; install it: pip install "
-            "'designopt[judge]'"
-        ) from error
-    out, designer = Report(spec, package=__package__), Designer(context)
-    rows, changes = Records(), Records()
+    require_mitsuba("finger-verdicts")
+    out, rows, changes = Report(spec, package=__package__), Records(), Records()
     for number, drawn in enumerate(draw(spec.fingers, context.seed)):
         row: dict[str, Any] = {"finger": number} | drawn.numbers
         if drawn.spec is None:
             rows.add(**row, verdict="refused", missed=drawn.refusal, **nothing_judged())
             continue
         with context.step(f"Finger {number + 1} of {spec.fingers}"):
+            # One for each, so that no linkage keeps the parts apart that another one needs.
+            designer = Designer(context)
             found = designer.finger(drawn.spec)
             missed = [*requirements(drawn.spec, found).where(met="no")["requirement"]]
             with context.step("Polygons and rays"):
@@ -165,8 +159,14 @@ def judge(
     links = min(check.achieved for check in verdict.checks if check.name in names)
     mirrors = [one.achieved for one in clearance_checks(finger, 0.0)[:-1]]
     optics = min(mirrors, default=math.inf)
-    others = [float(np.min(each)) for (one, _), each in polygons.apart.items() if "mirror" in one]
-    others += [float(np.min(each)) for one, each in polygons.inside.items() if "mirror" in one]
+    others = [
+        float(np.min(each)) for pair, each in polygons.apart.items() if "mirror" in " ".join(pair)
+    ]
+    # The polygons' faces are the inner sides of the shell.
+    shell = drawn.linkage.links.shell
+    others += [
+        float(np.min(each)) + shell for part, each in polygons.inside.items() if "mirror" in part
+    ]
     by_polygons = min(others, default=math.inf)
     agree = verdict.assembles == bool(np.all(polygons.assembled)) and off < WITHIN
     if verdict.assembles:

@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 from designopt.numerics import safe_sqrt
 from kinematics.solve.clearance import find_separation
 from studies.models.checks import Check
-from studies.models.finger import PHALANGES, Finger, FingerMirror, mirror_names
+from studies.models.finger import PHALANGES, Finger, FingerMirror
 
 ANGLES = 19
 """Angles of each joint at which the search looks: 5° apart over 90°."""
@@ -38,7 +38,7 @@ def find_clearances(finger: Finger, angles: int = ANGLES) -> dict[str, Float[Arr
         palmar face, if that is higher), from the camera's body, from the layers on the intermediate
         pad (from this pad, if it is bare), and from the other mirrors.
     """
-    body, names = finger.body, mirror_names([mirror.phalanx for mirror in finger.mirrors])
+    body, names = finger.body, finger.mirror_names
     flexions = dict(zip(("proximal", "distal"), body.flexions, strict=True))
     turns = {name: jnp.linspace(0.0, end, angles) for name, end in flexions.items()}
     top = body.palmar - body.protrusion
