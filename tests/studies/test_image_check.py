@@ -25,6 +25,7 @@ from studies.image_check.cases import (
     with_lamps,
     without_layers,
 )
+from studies.models import path_tracer
 from studies.models.sensor.finger_sensor import deviations_of
 from studies.models.sensor.spec import MadeSpec
 from studies.oracles.judge.solids import faces_of
@@ -87,7 +88,7 @@ def test_without_mitsuba_one_line_says_what_to_install(monkeypatch):
     def missing():
         raise ModuleNotFoundError("No module named 'mitsuba'")
 
-    monkeypatch.setattr(study, "load_mitsuba", missing)
+    monkeypatch.setattr(path_tracer, "load_mitsuba", missing)
     context = Context(0, "float64", lambda _: nullcontext())
     with pytest.raises(UserError, match=r"pip install 'designopt\[judge\]'"):
         study.run(ImageCheckSpec(), context)

@@ -14,6 +14,7 @@ import scipy.optimize
 
 from designopt import UserError
 from designopt.study.study import Context
+from studies.models import path_tracer
 from studies.oracles.judge import engine
 from studies.oracles.judge.engine import Engine
 from studies.oracles.judge.frames import View, judge, judge_once, picture, union
@@ -314,7 +315,7 @@ def test_without_mitsuba_one_line_says_what_to_install(monkeypatch):
     def missing():
         raise ModuleNotFoundError("No module named 'mitsuba'")
 
-    monkeypatch.setattr(study, "load_mitsuba", missing)
+    monkeypatch.setattr(path_tracer, "load_mitsuba", missing)
     context = Context(0, "float64", lambda _: nullcontext())
     with pytest.raises(UserError, match=r"pip install 'designopt\[judge\]'"):
         study.run(PhysicalCheckSpec(), context)
