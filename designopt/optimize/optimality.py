@@ -306,14 +306,14 @@ def explain_shortfall(problem: Problem, optimum: Optimum) -> list[str]:
 
     Example:
         >>> import jax.numpy as jnp
-        >>> from designopt.optimize import Evaluation, make_elastic, minimize
+        >>> from designopt.optimize import EpigraphVariables, Evaluation, make_elastic, minimize
         >>> problem = Problem(
         ...     lambda x: Evaluation(objective=x, inequalities={"high": x - 2, "low": 1 - x}),
         ...     jnp.zeros(()),
         ...     jnp.full((), 4.0),
         ... )
         >>> form = make_elastic(problem)
-        >>> start = jax.tree.map(lambda leaf: leaf[None], EpigraphVariables(jnp.ones(()), 1.0))
+        >>> start = EpigraphVariables(jnp.ones(1), jnp.ones(1))
         >>> sorted(explain_shortfall(form, minimize(form, start, "slsqp").best))
         ['high by 0.5', 'low by 0.5']
     """

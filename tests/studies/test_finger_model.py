@@ -30,8 +30,8 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "finger_gradient.py"
 
 STRUCTURAL_ZEROS = {
     "least transmission angle": ("pins", "body.intermediate"),
-    "coverage of the distal pad": ("body", "camera.along", "camera.depth", "mirrors[0]"),
-    "px/mm where it begins": ("body", "camera", "mirrors[0]"),
+    "coverage of the distal pad": ("body", "camera.along", "camera.depth", "mirrors[0].ends"),
+    "px/mm where it begins": ("body", "camera", "mirrors[0].ends"),
     "row of its corner": ("body", "camera"),
 }
 """By figure, what it depends on at all; its slopes with respect to all else are 0."""
