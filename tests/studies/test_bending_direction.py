@@ -32,7 +32,7 @@ def search(finger):
     compiled = Minimizer(best_chamber.problem(finger), best_chamber.STARTS)
 
     def minimize(posed, starts):
-        return compiled.solve(starts, posed.data)
+        return compiled.solve(starts, posed)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(best_chamber, "minimize", minimize)
