@@ -64,8 +64,7 @@ def _at_edges(
 
     length = step.length()[..., 0]
     across, inside = step.cross(other), step.cross(own)
-    left = jnp.min(across, axis=-1) - jnp.max(inside, axis=-1)
-    right = jnp.min(inside, axis=-1) - jnp.max(across, axis=-1)
+    left, right = _least(across) + _least(-inside), _least(inside) + _least(-across)
     gap, has_normal = safe_divide(jnp.maximum(left, right), length)
     return square, -_least(jnp.where(has_normal, -gap, jnp.inf))
 
@@ -74,8 +73,8 @@ def _least(values: Float[Array, "*batch many"]) -> Float[Array, "*batch"]:
     """The least of several values, with the slope of one of them.
 
     Two corners that are nearest are found from both hulls, and from either edge of each: values
-    that are the same but for rounding. `jnp.min` gives their slope up to twice or not at all, as
-    its program may round them otherwise where it compares them with the least.
+    that are the same but for rounding. `jnp.min` gives their slope up to twice, or NaN if its
+    program rounds them otherwise where it compares them with the least, so that none is.
     """
     first = jax.nn.one_hot(jnp.argmin(values, axis=-1), values.shape[-1], dtype=bool)
     return jnp.sum(jnp.where(first, values, 0.0), axis=-1)
