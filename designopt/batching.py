@@ -1,14 +1,57 @@
-"""Long batches in one compiled program, chunk by chunk, so that what is computed stays in cache."""
+"""Long batches chunk by chunk, so that what is computed stays in cache; and calls side by side."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
+
+T = TypeVar("T")
+
+
+def side_by_side(calls: Sequence[Callable[[], T]]) -> list[T]:
+    """What calls return that do not depend on each other, each in a thread of its own.
+
+    As many run at a time as there are processors. Compiled programs run beside each other, what
+    Python does in turn. Calls that need the same program should find it compiled: where two compile
+    it at the same time, both do.
+
+    Args:
+        calls: each with the float type of the thread that calls this.
+
+    Returns:
+        What they return, in their order.
+
+    Raises:
+        Exception: what one of them raises, once all that have begun are done.
+
+    Example:
+        >>> side_by_side([lambda: 1, lambda: 2])
+        [1, 2]
+    """
+    doubled = jnp.result_type(float) == jnp.float64
+
+    def run(call: Callable[[], T]) -> T:
+        with jax.enable_x64(doubled):
+            return call()
+
+    pool = ThreadPoolExecutor(max(min(len(calls), os.cpu_count() or 1), 1))
+    try:
+        found = [pool.submit(run, call) for call in calls]
+        return [one.result() for one in found]
+    except BaseException as error:
+        # What has begun is not waited for when the user ends it: nothing interrupts a program.
+        pool.shutdown(wait=isinstance(error, Exception), cancel_futures=True)
+        raise
+    finally:
+        pool.shutdown(wait=False)
 
 
 def map_in_chunks(function: Callable[[Any], Any], batch: Any, max_chunk_size: int) -> Any:
@@ -56,9 +99,12 @@ def map_blocks(program: Callable[..., Any], size: int, *batch: Any) -> Any:
         [1.0, 2.0, 3.0]
     """
     count = len(jax.tree.leaves(batch)[0])
-    blocks = []
-    for start in range(0, count, size):
+
+    def block(start: int) -> Any:
         chosen = np.minimum(np.arange(start, start + size), count - 1)
-        block = jax.tree.map(lambda array, chosen=chosen: jnp.asarray(array[chosen]), batch)
-        blocks.append(jax.tree.map(np.asarray, program(*block)))
-    return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *blocks)
+        given = jax.tree.map(lambda array: jnp.asarray(array[chosen]), batch)
+        return jax.tree.map(np.asarray, program(*given))
+
+    first = block(0)  # alone, for it compiles
+    others = side_by_side([partial(block, start) for start in range(size, count, size)])
+    return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], first, *others)

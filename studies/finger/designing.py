@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from designopt.batching import side_by_side
 from designopt.study.records import Records
 from designopt.study.study import Context
 from kinematics.io.assembling import Equations
@@ -19,8 +20,8 @@ from studies.models.finger import PHALANGES, Finger
 from studies.models.grasp.analysis import Analysis, GraspCheck, analyze, summary
 from studies.models.grasp.spec import GraspSpec
 from studies.models.linkage_design.analysis import LinkageDesign, design_linkage, judged_design
-from studies.models.linkage_design.searching import search_on
-from studies.models.mirror_design.design import MirrorDesign, design_mirrors
+from studies.models.linkage_design.searching import blank_finger, search_on
+from studies.models.mirror_design.design import MirrorDesign, design_mirrors, first_placements
 from studies.models.mirror_design.judging import percent_at_least
 from studies.models.mirror_design.placement import Placement
 from studies.models.mirror_design.requirements import COVERAGE, SHARPNESS, SPARE, optical_checks
@@ -94,8 +95,18 @@ class Designer:
         found, share = self._mirrors[key]
         return replace(found, finger=with_linkage(found.finger, finger)), share
 
-    def _designed(
-        self, spec: FingerSpec, finger: Finger, starts: Sequence[Placement] | None = None
+    def _designed(self, spec: FingerSpec, finger: Finger) -> tuple[MirrorDesign, Yield]:
+        """From the first start; from the others, too, if that is not enough."""
+        first, *others = first_placements(finger, spec.mirrors, self.context.seed)
+        found = self._searched(spec, finger, [first])
+        if unmet := missed_by_mirrors(spec, *found):
+            other = self._searched(spec, finger, others)
+            if len(missed_by_mirrors(spec, *other)) < len(unmet):
+                return other
+        return found
+
+    def _searched(
+        self, spec: FingerSpec, finger: Finger, starts: Sequence[Placement]
     ) -> tuple[MirrorDesign, Yield]:
         found = design_mirrors(finger, spec.mirrors, self.context, starts)
         with self.context.step("Yield of the mirrors"):
@@ -103,10 +114,17 @@ class Designer:
             share = monte_carlo(found.finger, errors, draws=spec.yield_draws, seed=seed)
         return found, share
 
+    def parts(self, spec: FingerSpec) -> tuple[LinkageDesign, MirrorDesign, Yield]:
+        """Linkage, and camera and mirrors with their yield; the latter have the whole finger."""
+        # Of the linkage the optics need nothing but the body that it is in.
+        blank = blank_finger(spec.linkage_spec())
+        side_by_side([lambda: self.linkage(spec), lambda: self.mirrors(spec, blank)])
+        linkage = self.linkage(spec)
+        return linkage, *self.mirrors(spec, linkage.finger)
+
     def finger(self, spec: FingerSpec) -> FingerDesign:
         """Linkage, mirrors and grasp of a finger for its requirements."""
-        linkage = self.linkage(spec)
-        mirrors, share = self.mirrors(spec, linkage.finger)
+        linkage, mirrors, share = self.parts(spec)
         finger = mirrors.finger
         if not linkage.verdict.assembles:
             return FingerDesign(finger, linkage, mirrors, share, None, None)
@@ -143,9 +161,8 @@ class Designer:
         mirrors, share = self.mirrors(other, start.finger)
         if _optics(spec) != _optics(other):
             known = [mirrors.trials[mirrors.chosen].placement]
-            mirrors, share = self._designed(spec, linkage.finger, known)
-        checks = optical_checks(mirrors.finger, mirrors.verdict, share, spec.mirrors)
-        return all(check.met for check in checks)
+            mirrors, share = self._searched(spec, linkage.finger, known)
+        return not missed_by_mirrors(spec, mirrors, share)
 
     def could_help(self, spec: FingerSpec, other: FingerSpec) -> bool:
         """Whether other settings concern all parts that miss something with these."""
@@ -153,8 +170,7 @@ class Designer:
         if missed_by_linkage(spec, linkage) and spec.linkage_spec() == other.linkage_spec():
             return False
         mirrors, share = self.mirrors(spec, linkage.finger)
-        checks = optical_checks(mirrors.finger, mirrors.verdict, share, spec.mirrors)
-        met = all(check.met for check in checks)
+        met = not missed_by_mirrors(spec, mirrors, share)
         return met or _optics(spec) != _optics(other)
 
 
@@ -163,6 +179,12 @@ def missed_by_linkage(spec: FingerSpec, linkage: LinkageDesign) -> list[str]:
     least = spec.linkage.limits.transmission_deg
     angle = [] if linkage.verdict.least_deg > least else ["transmission angles"]
     return angle + [check.name for check in linkage.unmet]
+
+
+def missed_by_mirrors(spec: FingerSpec, mirrors: MirrorDesign, share: Yield) -> list[str]:
+    """Names of the requirements that camera and mirrors miss."""
+    checks = optical_checks(mirrors.finger, mirrors.verdict, share, spec.mirrors)
+    return [check.name for check in checks if not check.met]
 
 
 def _optics(spec: FingerSpec) -> str:

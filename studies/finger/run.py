@@ -34,10 +34,8 @@ from studies.models.finger import (
 )
 from studies.models.finger_file import packaged_or_designed, read_finger
 from studies.models.grasp.figures import draw_sequences
-from studies.models.linkage_design.analysis import design_linkage
 from studies.models.linkage_design.figures import add_figures, draw_straight
 from studies.models.linkage_design.tables import add_tables
-from studies.models.mirror_design.design import design_mirrors
 from studies.models.mirror_design.figures import draw_views, drawn_postures
 from studies.models.mirror_design.requirements import (
     add_requirements,
@@ -105,9 +103,8 @@ def finger_design(spec: FingerSpec, folder: Path | None) -> Finger:
     """
 
     def designed(context: Context) -> Finger:
-        with context.step("Linkage"):
-            linkage = design_linkage(spec.linkage_spec(), context.seed)
-        return design_mirrors(linkage.finger, spec.mirrors, context).finger
+        _, mirrors, _ = Designer(context).parts(spec)
+        return mirrors.finger
 
     known = folder is not None
     finger = read_finger(folder) if known else packaged_or_designed(spec, DECIDING, designed)

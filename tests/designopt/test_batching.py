@@ -1,11 +1,14 @@
-"""Batches in blocks against the same function of the whole batch."""
+"""Batches in blocks against the same function of the whole batch, and calls side by side."""
+
+import threading
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from designopt.batching import map_in_chunks
+from designopt.batching import map_blocks, map_in_chunks, side_by_side
 
 
 def rows(batch: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
@@ -42,3 +45,65 @@ def test_blocks_are_no_longer_than_asked_and_equal_if_they_can_be(count, most, s
 
     map_in_chunks(watched, jnp.arange(float(count)), most)
     assert set(seen) == {size}
+
+
+def test_blocks_of_one_program_give_what_the_whole_batch_gives():
+    batch = np.random.default_rng(0).normal(size=(23, 3)), np.arange(23.0)
+    found = map_blocks(jax.jit(lambda *block: rows(block)), 4, *batch)
+    for leaf, wanted in zip(found, rows(jax.tree.map(jnp.asarray, batch)), strict=True):
+        np.testing.assert_allclose(leaf, wanted, rtol=1e-15)
+
+
+def test_calls_run_at_the_same_time_and_return_in_their_order(monkeypatch):
+    monkeypatch.setattr("os.cpu_count", lambda: 3)
+    together = threading.Barrier(3, timeout=10)
+
+    def call(number: int) -> int:
+        together.wait()
+        return number
+
+    assert side_by_side([partial(call, number) for number in range(3)]) == [0, 1, 2]
+    assert side_by_side([]) == []
+
+
+@pytest.mark.parametrize("doubled", [False, True])
+def test_calls_have_the_float_type_of_their_caller(doubled):
+    with jax.enable_x64(doubled):
+        found = side_by_side([lambda: jnp.zeros(()).dtype] * 2)
+    assert found == [jnp.dtype("float64" if doubled else "float32")] * 2
+
+
+def test_what_a_call_raises_comes_out_once_those_that_have_begun_are_done(monkeypatch):
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    begun, done = threading.Event(), threading.Event()
+
+    def fail() -> None:
+        begun.wait(30)
+        raise KeyError("this one")
+
+    def other() -> None:
+        begun.set()
+        done.wait(0.1)
+        done.set()
+
+    with pytest.raises(KeyError, match="this one"):
+        side_by_side([fail, other])
+    assert done.is_set()
+
+
+def test_an_interrupt_does_not_wait_for_calls_that_have_begun(monkeypatch):
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    begun, release = threading.Event(), threading.Event()
+
+    def long() -> None:
+        begun.set()
+        release.wait(30)
+
+    def interrupted() -> None:
+        begun.wait(30)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        side_by_side([interrupted, long])
+    assert not release.is_set()
+    release.set()

@@ -62,7 +62,7 @@ def unsearched(monkeypatch):
         "studies.finger_linkage.run.search",
         "studies.models.linkage_design.analysis.search",
         "studies.finger_mirrors.run.design_mirrors",
-        "studies.finger.run.design_mirrors",
+        "studies.finger.designing.design_mirrors",
     ):
         monkeypatch.setattr(place, refused)
 
@@ -186,14 +186,12 @@ def test_other_mirrors_are_searched_for(monkeypatch):
 
 def test_another_finger_is_searched_for(monkeypatch):
     made = seeing_finger(distal=30.0)
-    linkage = Mock(return_value=SimpleNamespace(finger=made))
-    mirrors = Mock(return_value=SimpleNamespace(finger=made))
-    monkeypatch.setattr("studies.finger.run.design_linkage", linkage)
-    monkeypatch.setattr("studies.finger.run.design_mirrors", mirrors)
+    designer = Mock()
+    designer.parts.return_value = (None, SimpleNamespace(finger=made), None)
+    monkeypatch.setattr("studies.finger.run.Designer", Mock(return_value=designer))
     spec = FingerSpec(body=BodySpec(distal=30.0))
     design = finger_design(spec, None)
-    linkage.assert_called_once_with(spec.linkage_spec(), 0)
-    assert mirrors.call_args.args[:2] == (made, spec.mirrors)
+    designer.parts.assert_called_once_with(spec)
     assert design.linkage_tables()["joints"]["T"] == [53.0, 0.0]
     np.testing.assert_allclose(design.scene().camera.position, [15.75, 16.99])
 

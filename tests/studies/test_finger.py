@@ -1,5 +1,7 @@
 """The study ``finger``: its lines, and the whole of it."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from designopt.cli import run as command
 from designopt.optimize import Optima, Starts
 from designopt.study.runner import run_study
 from designopt.study.study import Context
-from studies.finger import designing
+from studies.finger import FingerSpec, designing
 from studies.models import Finger
 from studies.models.finger import links_of, pins_of
 from studies.models.linkage_design.analysis import LinkageDesign, layers_fit
@@ -41,7 +43,33 @@ def unsearched_linkage(spec: FingerLinkageSpec, seed: int, near: object) -> Link
 
 def given_mirrors(finger: Finger, _: MirrorSpec, context: Context, starts: None) -> MirrorDesign:
     del context, starts
+    finger = seeing_finger(thickness=float(finger.body.thickness))
     return MirrorDesign(finger, [], [judge_mirrors(finger)], [], 0)
+
+
+@pytest.mark.parametrize(
+    ("unmet", "tried", "taken"), [((0, 0), 1, 1), ((2, 1), 4, 3), ((2, 2), 4, 1), ((1, 3), 4, 1)]
+)
+def test_the_other_starts_are_tried_where_the_first_is_not_enough(monkeypatch, unmet, tried, taken):
+    """A search with one start misses as many requirements as is stated, one with more the other."""
+    begun, share = [], yields.Yield(0.5, 0.4, 0.6, 10, np.zeros((1, 3)))
+
+    def search(finger, spec, context, starts):
+        del spec, context
+        begun.extend(starts)
+        return MirrorDesign(finger, [], [], [], len(starts))
+
+    def missed(spec, found, given):
+        assert given is share
+        return ["some"] * unmet[found.chosen > 1]
+
+    monkeypatch.setattr(designing, "design_mirrors", search)
+    monkeypatch.setattr(designing, "missed_by_mirrors", missed)
+    monkeypatch.setattr(designing, "monte_carlo", lambda *_, **__: share)
+    context = Context(0, "float64", lambda _: nullcontext())
+    found, _ = designing.Designer(context)._designed(FingerSpec(), finger_of())
+    assert found.chosen == taken
+    assert len(begun) == tried
 
 
 @pytest.mark.slow

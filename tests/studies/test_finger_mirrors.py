@@ -360,7 +360,7 @@ def test_random_starts_are_drawn_by_their_heights():
     """The seed's Sobol points over heights above the axes, whatever a finger stores."""
     task = problem.Task.of(POOR, SMALL, 0)
     least, greatest = bounds(POOR, SMALL)
-    (start,) = designing._random(SMALL, task, 0)
+    _, start = designing.first_placements(POOR, SMALL, 0)
     points = draw_sobol_starts(problem.problem_of(SMALL, task), 1, 0)
     first, low, high, point = map(camera_of, (start, least, greatest, points))
     assert (first.along, first.tilt) == (point.along[0], point.tilt[0])

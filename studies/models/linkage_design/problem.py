@@ -211,6 +211,7 @@ def linkage_problem(
 def _terms(meetings: tuple[Meeting, ...]) -> Callable[..., Evaluation]:
     """The problem's terms; the same function for the same parts, so that it compiles once."""
 
+    @jax.jit
     def terms(pins: Pins, asked: Asked, knuckle: Vector, flexion: Vector) -> Evaluation:
         limits, motor, allowance = asked.limits, asked.motor, asked.allowance
         moved = replace(asked.finger, pins=pins)

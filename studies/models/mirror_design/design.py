@@ -15,6 +15,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -25,6 +26,7 @@ import optimistix as optx
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
+from designopt.batching import side_by_side
 from designopt.optimize import Evaluation, draw_sobol_starts
 from designopt.study.study import Context
 from studies.models.finger import PHALANGES, Finger
@@ -164,32 +166,32 @@ def design_mirrors(
         spec: camera, room, tolerances, resolution and how to search.
         context: its seed chooses the random starts and the errors that the search sees; the float
             type is that of the study that runs.
-        starts: where to begin; by default the poor layout, random ones and, for layered pads, the
-            reference layout.
+        starts: where to begin; by default all `first_placements`.
 
     Returns:
         Of the trials that see everything with the resolution asked for in all postures, and keep
         all clearances, the one that still sees everything most often with errors; if none does,
         that of least objective and violation. ``verdict`` has which.
     """
-    mirrors = spec.phalanges, spec.room.mount
-    poor = replace(poor_layout(finger, spec.camera, *mirrors), layers=spec.pads.layers())
+    poor = _poor(finger, spec)
+    limits = bounds(poor, spec)
     tasks = [
         Task.of(poor, spec, context.seed + number, stage.growth)
         for number, stage in enumerate(STAGES)
     ]
-    limits = bounds(poor, spec)
     if starts is None:
-        starts = [free_part(poor), *_random(spec, tasks[-1], context.seed)]
-        if poor.layers is not None:
-            known = replace(reference_layout(finger, spec.camera, *mirrors), layers=poor.layers)
-            starts.append(free_part(known))
+        starts = first_placements(finger, spec, context.seed)
     thickness = float(finger.body.thickness)
-    trials, verdicts = [], []
-    for number, start in enumerate(starts):
+
+    def tried(number: int) -> tuple[Trial, Verdict]:
         with context.step(f"T = {thickness:g} mm: start {number + 1} of {len(starts)}"):
-            trials.append(search(start, limits, tasks))
-            verdicts.append(judged(put_in(trials[-1].placement, poor), everywhere=False))
+            trial = search(starts[number], limits, tasks)
+            return trial, judged(put_in(trial.placement, poor), everywhere=False)
+
+    # The first alone, for it compiles.
+    others = [partial(tried, number) for number in range(1, len(starts))]
+    found = [tried(0), *side_by_side(others)]
+    trials, verdicts = (list(part) for part in zip(*found, strict=True))
 
     def share(number: int) -> float:
         """The yield by few draws, for the objective's copies have larger errors."""
@@ -209,20 +211,23 @@ def design_mirrors(
             shares[number] = share(number)
         return False, -shares[number], trial.objective
 
+    def best() -> int:
+        return min(range(len(trials)), key=rank) if len(trials) > 1 else 0
+
     # All pairs of angles are judged of the best by their rows, until one of these meets them.
     exchanges = EXCHANGES
-    while verdicts[chosen := min(range(len(trials)), key=rank)].worst is None:
+    while verdicts[chosen := best()].worst is None:
         with context.step("All pairs of angles"):
             better = _with_worst(trials[chosen], poor, tasks, limits, spec.floor, exchanges)
         trials[chosen], verdicts[chosen] = better
         exchanges = 0
     if verdicts[chosen].meets(spec.floor):
         with context.step("Errors that hide something"):
-            found = trials[chosen], verdicts[chosen]
-            found = _with_failures(found, poor, tasks[-1], limits, spec, context.seed + 2)
-        trials[chosen], verdicts[chosen] = found
-    best = put_in(trials[chosen].placement, poor)
-    return MirrorDesign(best, trials, verdicts, tasks, chosen)
+            better = trials[chosen], verdicts[chosen]
+            better = _with_failures(better, poor, tasks[-1], limits, spec, context.seed + 2)
+        trials[chosen], verdicts[chosen] = better
+    made = put_in(trials[chosen].placement, poor)
+    return MirrorDesign(made, trials, verdicts, tasks, chosen)
 
 
 def _with_worst(
@@ -310,14 +315,35 @@ def _without(multipliers: Multipliers, task: Task, number: int) -> Multipliers:
     return multipliers | zeroed
 
 
-def _random(spec: MirrorSpec, task: Task, seed: int) -> list[Placement]:
-    count, (least, greatest) = spec.search.starts, bounds(task.finger, spec)
-    points = draw_sobol_starts(problem_of(spec, task), count, seed)
+def _poor(finger: Finger, spec: MirrorSpec) -> Finger:
+    poor = poor_layout(finger, spec.camera, spec.phalanges, spec.room.mount)
+    return replace(poor, layers=spec.pads.layers())
+
+
+def first_placements(finger: Finger, spec: MirrorSpec, seed: int) -> list[Placement]:
+    """Where searches begin: the poor layout, random ones and, of layered pads, the reference.
+
+    Args:
+        finger: its body.
+        spec: camera, room and how many random ones.
+        seed: of these.
+    """
+    poor = _poor(finger, spec)
+    starts = [free_part(poor), *_random(poor, spec, seed)]
+    if poor.layers is not None:
+        known = reference_layout(finger, spec.camera, spec.phalanges, spec.room.mount)
+        starts.append(free_part(replace(known, layers=poor.layers)))
+    return starts
+
+
+def _random(finger: Finger, spec: MirrorSpec, seed: int) -> list[Placement]:
+    count, (least, greatest) = spec.search.starts, bounds(finger, spec)
+    points = draw_sobol_starts(problem_of(spec, Task.of(finger, spec, seed)), count, seed)
     starts = [jax.tree.map(lambda leaf, i=i: jnp.asarray(leaf[i]), points) for i in range(count)]
     # Depths are drawn as heights, so that a seed gives the starts that it gave when the places of
     # camera and mirrors were heights.
     placed: list[Callable[[Any], Any]] = [lambda one: one.camera.depth]
-    if task.finger.mirrors:
+    if finger.mirrors:
         placed.append(lambda one: one.mirrors)
     for depths in placed:
         low, high = depths(least), depths(greatest)
@@ -387,23 +413,27 @@ def _stage(
         inside = jnp.clip(point, *bounds)
         return SHARE * _value(inside, given) + WALL * jnp.sum((point - inside) ** 2)
 
+    # Traced once: for the value and for its derivative JAX would trace it anew, 8 s each.
+    traced = eqx.filter_closure_convert(lagrangian, point, *given)
     solver = optx.BFGS(TOLERANCE, TOLERANCE)
     found = optx.minimise(
-        walled, solver, jnp.clip(point, *bounds), given, max_steps=STEPS, throw=False
+        walled, solver, jnp.clip(point, *bounds), (traced, given), max_steps=STEPS, throw=False
     )
     return jnp.clip(found.value, *bounds), found.stats["num_steps"]
 
 
-@jax.custom_jvp
+@eqx.filter_custom_jvp
 def _value(point: Float[Array, " parameters"], given: Any) -> Float[Array, ""]:
-    """The value of `lagrangian`, whose derivative is the slope that it gives."""
-    (value, _), _ = lagrangian(point, *given)
+    """The value of a traced `lagrangian`, whose derivative is the slope that it gives."""
+    traced, terms = given
+    (value, _), _ = traced(point, *terms)
     return value
 
 
-@_value.defjvp
+@_value.def_jvp
 def _with_slope(at: Any, towards: Any) -> Any:
-    (value, _), slope = lagrangian(at[0], *at[1])
+    traced, terms = at[1]
+    (value, _), slope = traced(at[0], *terms)
     return value, slope @ towards[0]
 
 

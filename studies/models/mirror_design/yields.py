@@ -17,7 +17,7 @@ from studies.models.mirror_design.errors import deviations, perturb, sample_erro
 from studies.models.mirror_design.postures import ROUNDING, crossed, whole_degrees
 from studies.models.mirror_design.spec import ToleranceSpec
 
-BLOCK = 100
+BLOCK = 50
 """Draws of one call: one compiled program serves any number of draws."""
 
 STEPS = np.linspace(-5.0, 5.0, 101)

@@ -107,7 +107,7 @@ def test_a_name_that_cannot_be_printed_spoils_no_file(capsys):
 
 def test_settings_beside_the_design_begin_no_search(monkeypatch):
     for place in ("design_linkage", "design_mirrors"):
-        monkeypatch.setattr(f"studies.finger.run.{place}", lambda *_: pytest.fail("a search"))
+        monkeypatch.setattr(f"studies.finger.designing.{place}", lambda *_: pytest.fail("a search"))
     asked = ["export", "finger", "--set", "spring.stiffness=12", "--to", "json", "--out", "new"]
     assert run(asked) == 0
     found = json.loads(Path("new/finger.json").read_text(encoding="utf-8"))["quantities"]
