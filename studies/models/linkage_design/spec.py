@@ -80,7 +80,7 @@ class SpringSpec(Spec):
 class SearchSpec(Spec):
     """How the optimum is searched."""
 
-    starts: int = setting(16, "local solves, from the most promising Sobol points", ge=1, le=256)
+    starts: int = setting(32, "local solves, from the most promising Sobol points", ge=1, le=256)
     among: int = setting(16384, "Sobol points looked at", ge=1, le=2**20)
     step_deg: float = setting(15.0, "step of the first solve's postures (degrees)", ge=1, le=45)
     exchanges: int = setting(4, "most further solves, with the worst postures added", ge=0, le=20)
