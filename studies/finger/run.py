@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -36,6 +37,7 @@ from studies.models.finger_file import packaged_or_designed, read_finger
 from studies.models.grasp.figures import draw_sequences
 from studies.models.linkage_design.figures import add_figures, draw_straight
 from studies.models.linkage_design.tables import add_tables
+from studies.models.mirror_design.clearances import layer_outlines, mirror_outlines
 from studies.models.mirror_design.figures import draw_views, drawn_postures
 from studies.models.mirror_design.requirements import (
     add_requirements,
@@ -49,7 +51,7 @@ DECIDING = {"body", "linkage", "mirrors"}
 WORDS = ("studies.finger", "studies.models.linkage_design", "studies.models.mirror_design")
 """Packages that have the words of the report."""
 
-MIRROR, CAMERA = PALETTE[4], PALETTE[1]
+MIRROR, CAMERA, LAYER = PALETTE[4], PALETTE[1], "#cfe8e6"
 
 
 def run(spec: FingerSpec, context: Context) -> Results:
@@ -220,8 +222,18 @@ def draw_section(finger: Finger) -> Figure:
     """The section of the straight finger, to scale, with everything that was designed."""
     drawing, scene = draw_straight(finger, height=3.4), finger.scene()
     [axis] = drawing.axes
+    straight = jnp.zeros(1)
+    mounts = [mirror_outlines(finger, mirror, straight)[0] for mirror in finger.mirrors]
+    solids = {
+        "layers on pads": (np.concatenate(layer_outlines(finger)), LAYER),
+        "mounts": (np.asarray(mounts), "0.6"),
+        "body of the camera": (np.asarray(finger.camera_boxes()), CAMERA),
+    }
+    for label, (outlines, color) in solids.items():
+        for corners in outlines:
+            axis.fill(*corners.T, facecolor=color, edgecolor="0.3", linewidth=0.5, label=label)
     for ends in np.asarray(scene.mirrors):
-        axis.plot(*ends.T, color=MIRROR, linewidth=2.5, label="mirrors")
+        axis.plot(*ends.T, color=MIRROR, linewidth=1.5, label="mirrors")
     position, direction = np.asarray(scene.camera.position), float(scene.camera.direction)
     axis.plot(*position, "^", color=CAMERA, markersize=8, label="camera")
     end = position + 5 * np.array([np.cos(direction), np.sin(direction)])

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import shapely
 from jax.flatten_util import ravel_pytree
-from shapely.affinity import rotate
+from shapely.affinity import rotate, translate
 
 from designopt.study.records import Records
 from optics import find_coverage, find_views
@@ -26,7 +26,12 @@ from studies.models.finger import Finger, Phalanx, camera_of
 from studies.models.finger_file import bare_finger, format_finger, packaged_finger, parse_finger
 from studies.models.mirror_design import design as designing
 from studies.models.mirror_design import problem, requirements, yields
-from studies.models.mirror_design.clearances import clearance_checks, find_clearances
+from studies.models.mirror_design.clearances import (
+    clearance_checks,
+    find_clearances,
+    layer_outlines,
+    mirror_outlines,
+)
 from studies.models.mirror_design.design import MirrorDesign, Trial, no_multipliers
 from studies.models.mirror_design.errors import error_names, perturb, sample_errors
 from studies.models.mirror_design.judging import Verdict, judged, seen_by_rays
@@ -35,6 +40,7 @@ from studies.models.mirror_design.seeing import least_spare, pad_lengths
 from studies.models.mirror_design.spec import CameraSpec, MirrorSpec
 from studies.models.mirror_design.yields import groups, share_of
 from studies.models.pad_layers import PadLayers
+from studies.oracles.clearances import pad_pieces
 from tests.studies.fingers import BARE as GIVEN
 from tests.studies.fingers import LENS, bare_body
 
@@ -99,6 +105,37 @@ def layered(reach=1.0, **body: Any) -> Finger:
     shares = np.full((2, 2), reach)
     layers = PadLayers(np.array([1.5, 1.0]), np.array([1.49, 1.41]), shares, shares)
     return replace(made, layers=layers)
+
+
+def test_layers_are_where_the_file_has_them():
+    """The outlines of `studies.oracles.clearances`, which reads the file alone."""
+    made = layered(0.7)
+    tables = tomllib.loads(format_finger(made))
+    axes = {"proximal": 0.0, "intermediate": 0.0, "distal": tables["body"]["intermediate"]}
+    pieces = pad_pieces(tables["body"], tables["pads"])
+    for (phalanx, layers), found in zip(pieces.items(), layer_outlines(made), strict=True):
+        for corners, outline in zip(layers[::-1], np.asarray(found), strict=True):
+            wanted = shapely.MultiPoint([(z.real + axes[phalanx], z.imag) for z in corners])
+            drawn = shapely.Polygon(outline)
+            assert drawn.symmetric_difference(wanted.convex_hull).area < 1e-9
+    assert layer_outlines(BARE).shape == (3, 0, 4, 2)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 35.0])
+def test_mirrors_turn_with_their_phalanx(degrees):
+    made = layered()
+    tables = tomllib.loads(format_finger(made))
+    for mirror, file in zip(made.mirrors, tables["mirrors"], strict=True):
+        [found] = mirror_outlines(made, mirror, jnp.deg2rad(jnp.asarray([degrees])))
+        distal = mirror.phalanx == "distal"
+        axis = shapely.Point(0, 0)
+        turned = rotate(
+            quad(file | {"ends": (file["from"], file["to"])}),
+            -degrees if distal else degrees,
+            origin=axis,
+        )
+        moved = translate(turned, float(made.body.intermediate) if distal else 0.0)
+        assert shapely.Polygon(np.asarray(found)).symmetric_difference(moved).area < 1e-9
 
 
 def quad(mirror) -> shapely.Polygon:

@@ -48,7 +48,7 @@ def find_clearances(finger: Finger, angles: int = ANGLES) -> dict[str, Float[Arr
     outlines, found = {}, {}
     for name, mirror in zip(names, finger.mirrors, strict=True):
         own = _above_axes(finger, mirror)
-        outlines[name] = _turned(finger, mirror, own, turns[mirror.phalanx])
+        outlines[name] = mirror_outlines(finger, mirror, turns[mirror.phalanx])
         x, y = (own[:, 0] if mirror.phalanx == "distal" else -own[:, 0]), own[:, 1]
         height = jnp.where(x < 0, safe_sqrt(x * x + y * y), y)
         what, end = f"{name} mirror", "tip" if mirror.phalanx == "distal" else "rear end"
@@ -80,11 +80,17 @@ def _above_axes(finger: Finger, mirror: FingerMirror) -> Float[Array, "4 2"]:
     return jnp.stack([corners[:, 0], finger.body.dorsal - corners[:, 1]], axis=-1)
 
 
-def _turned(
-    finger: Finger, mirror: FingerMirror, own: Float[Array, "4 2"], angles: Float[Array, " angles"]
+def mirror_outlines(
+    finger: Finger, mirror: FingerMirror, angles: Float[Array, " angles"]
 ) -> Float[Array, "angles 4 2"]:
-    """The corners seen from the intermediate phalanx, when the joint is bent by each angle."""
-    distal = mirror.phalanx == "distal"
+    """Corners of a mirror with its mount, seen from the intermediate phalanx, mm.
+
+    Args:
+        finger: whose mirror it is.
+        mirror: on its proximal or distal phalanx.
+        angles: flexion of this phalanx' joint, rad.
+    """
+    own, distal = _above_axes(finger, mirror), mirror.phalanx == "distal"
     # Bent, the outer end goes down: the distal phalanx turns clockwise, the proximal one does not.
     cosine, sine = jnp.cos(angles)[:, None], jnp.sin(angles)[:, None] * (-1 if distal else 1)
     x, y = own[None, :, 0], own[None, :, 1]
@@ -95,13 +101,22 @@ def _turned(
 def _middle_pad(finger: Finger) -> Float[Array, "parts corners 2"]:
     """Layers of the intermediate pad as convex outlines, mm; the pad itself, if it is bare."""
     number = PHALANGES.index("intermediate")
-    pad, layers = finger.pads()[number], finger.layers
+    return finger.pads()[number][None] if finger.layers is None else layer_outlines(finger)[number]
+
+
+def layer_outlines(finger: Finger) -> Float[Array, "pads layers 4 2"]:
+    """Corners of every pad's layers in the straight finger, one after the other, mm.
+
+    The layer on the camera's side is the first; a bare pad has none.
+    """
+    pads, layers = finger.pads(), finger.layers
     if layers is None:
-        return pad[None]
-    out = layers.reaches(finger.body.room)[number]  # of each layer: ends, edges
-    left, right, up = pad[0, 0] - out[:, 0], pad[1, 0] + out[:, 1], pad[0, 1] + layers.levels
-    x = jnp.stack([left[:, 0], right[:, 0], right[:, 1], left[:, 1]], axis=-1)
-    return jnp.stack([x, up[:, jnp.array([0, 0, 1, 1])]], axis=-1)
+        return jnp.zeros((len(pads), 0, 4, 2))
+    out = layers.reaches(finger.body.room)  # of each pad and layer: ends, edges
+    left, right = pads[:, None, :1, 0] - out[:, :, 0], pads[:, None, 1:, 0] + out[:, :, 1]
+    x = jnp.stack([left[..., 0], right[..., 0], right[..., 1], left[..., 1]], axis=-1)
+    up = pads[:, None, :1, 1] + layers.levels[None, :, jnp.array([0, 0, 1, 1])]
+    return jnp.stack([x, jnp.broadcast_to(up, x.shape)], axis=-1)
 
 
 def dorsal_room(finger: Finger) -> Float[Array, ""]:
