@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from functools import partial
 from typing import Any, TypeVar
 
@@ -13,15 +13,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from designopt.cores import usable_cores
+
 T = TypeVar("T")
 
 
 def side_by_side(calls: Sequence[Callable[[], T]]) -> list[T]:
     """What calls return that do not depend on each other, each in a thread of its own.
 
-    As many run at a time as there are processors. Compiled programs run beside each other, what
-    Python does in turn. Calls that need the same program should find it compiled: where two compile
-    it at the same time, both do.
+    Of the calls as many run at a time as there are cores; within a worker of a sweep, one. Compiled
+    programs run beside each other, what Python does in turn. Calls that need the same program
+    should find it compiled: where two compile it at the same time, both do. After an interrupt
+    nothing new begins; what has begun goes on until the process ends.
 
     Args:
         calls: each with the float type of the thread that calls this.
@@ -30,7 +33,7 @@ def side_by_side(calls: Sequence[Callable[[], T]]) -> list[T]:
         What they return, in their order.
 
     Raises:
-        Exception: what one of them raises, once all that have begun are done.
+        Exception: what one of them raises, once those that had begun before are done.
 
     Example:
         >>> side_by_side([lambda: 1, lambda: 2])
@@ -42,16 +45,16 @@ def side_by_side(calls: Sequence[Callable[[], T]]) -> list[T]:
         with jax.enable_x64(doubled):
             return call()
 
-    pool = ThreadPoolExecutor(max(min(len(calls), os.cpu_count() or 1), 1))
+    cores = int(os.environ.get("NPROC") or usable_cores())  # as XLA counts its threads
+    pool = ThreadPoolExecutor(max(min(len(calls), cores), 1))
     try:
         found = [pool.submit(run, call) for call in calls]
-        return [one.result() for one in found]
-    except BaseException as error:
-        # What has begun is not waited for when the user ends it: nothing interrupts a program.
-        pool.shutdown(wait=isinstance(error, Exception), cancel_futures=True)
-        raise
+        failed = [one for one in wait(found, return_when=FIRST_EXCEPTION).done if one.exception()]
+        if failed:
+            pool.shutdown(cancel_futures=True)
+        return [one.result() for one in failed or found]
     finally:
-        pool.shutdown(wait=False)
+        pool.shutdown(wait=False, cancel_futures=True)
 
 
 def map_in_chunks(function: Callable[[Any], Any], batch: Any, max_chunk_size: int) -> Any:

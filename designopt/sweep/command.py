@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -11,6 +10,7 @@ import typer
 
 from designopt.cli.studies import Dtype
 from designopt.compilation_cache import NoCache, keep_programs
+from designopt.cores import usable_cores
 from designopt.errors import UserError
 
 MOST_SHOWN = 20
@@ -115,7 +115,7 @@ def sweep(
         check()
     folder = out if out is not None else Path("out") / f"sweep-{study}"
     asked = Sweep(chosen, points, shared, seed, dtype.value, versions_of(study))
-    cores = workers or _cores()
+    cores = workers or usable_cores()
     outcomes = run_sweep(asked, folder, workers=cores, scheduler=scheduler, force=force)
     print(f"report: {folder / 'result' / 'report.html'}")
     failures = {index: one.failure for index, one in outcomes.items() if one.failure}
@@ -127,11 +127,3 @@ def sweep(
     if len(failures) > MOST_SHOWN:
         print(f"  … all in {folder / 'result' / 'tables' / 'failed.csv'}", file=sys.stderr)
     return 1
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    try:
-        return len(os.sched_getaffinity(0))
-    except AttributeError:  # not on every system
-        return os.cpu_count() or 1

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
@@ -16,6 +15,7 @@ from jaxtyping import Float
 from scipy.stats import studentized_range
 
 from designopt import Context, PrecisionRow, Records, Report, Results, SpecFile, UserError
+from designopt.cores import usable_cores
 from optics.chamber import solve_image_rates
 from optics.rendering import ChamberImage
 from perception.posture import PostureEstimator, Training, compute_marker_errors, find_posture
@@ -122,7 +122,7 @@ def run(spec: BendingPostureSpec, context: Context) -> Results:
             images = finger.renderer(seed + 4).render(finger.postures(timed, DOWN))
             seconds = median_seconds(lambda one: find_posture(one.pixels, estimators[0]), images)
     out.file(_save(estimators[0]))
-    cores = many(_cores(), "core") + ", OpenCV on one thread"
+    cores = many(usable_cores(), "core") + ", OpenCV on one thread"
     out.values(cores=cores, margin=MARGIN, labels=len(data.labels))
     paper = by.regularisations(data, finger.length)
     errors = collect_errors(networks, data)
@@ -155,12 +155,6 @@ def _chamber(spec: BendingPostureSpec, eta: float) -> SoftFinger:
         raise UserError(
             f"--set etas: no chamber with these dimensions has η = {eta:g}; leave it out"
         ) from error
-
-
-def _cores() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _save(estimator: PostureEstimator) -> SpecFile:

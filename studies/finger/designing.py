@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,13 @@ from studies.models.linkage_design.searching import blank_finger, search_on
 from studies.models.mirror_design.design import MirrorDesign, design_mirrors, first_placements
 from studies.models.mirror_design.judging import percent_at_least
 from studies.models.mirror_design.placement import Placement
-from studies.models.mirror_design.requirements import COVERAGE, SHARPNESS, SPARE, optical_checks
+from studies.models.mirror_design.requirements import (
+    COVERAGE,
+    MEMBRANE,
+    SHARPNESS,
+    SPARE,
+    optical_checks,
+)
 from studies.models.mirror_design.yields import Yield, monte_carlo
 
 PINCHES = 6
@@ -37,7 +44,7 @@ OPTICAL = {
     "yield": "yield with errors of assembly",
     "blur": "largest blur spot",
     "transmission": "light through layers",
-    "membrane": "membranes together",
+    MEMBRANE: "membranes together",
 }
 """Requirements on the optics that have lines of their own, and what these are called."""
 
@@ -91,24 +98,26 @@ class Designer:
         """Camera and mirrors in a finger's body, and their yield."""
         key = _optics(spec)
         if key not in self._mirrors:
-            self._mirrors[key] = self._designed(spec, finger)
+            self._mirrors[key] = self._designed(spec)
         found, share = self._mirrors[key]
         return replace(found, finger=with_linkage(found.finger, finger)), share
 
-    def _designed(self, spec: FingerSpec, finger: Finger) -> tuple[MirrorDesign, Yield]:
+    def _designed(self, spec: FingerSpec) -> tuple[MirrorDesign, Yield]:
         """From the first start; from the others, too, if that is not enough."""
-        first, *others = first_placements(finger, spec.mirrors, self.context.seed)
-        found = self._searched(spec, finger, [first])
-        if unmet := missed_by_mirrors(spec, *found):
-            other = self._searched(spec, finger, others)
-            if len(missed_by_mirrors(spec, *other)) < len(unmet):
-                return other
-        return found
+        blank, seed = blank_finger(spec.linkage_spec()), self.context.seed
+        first, *others = first_placements(blank, spec.mirrors, seed)
+        found = self._searched(spec, [first])
+        # How long the membranes are is the body's alone.
+        if {*missed_by_mirrors(spec, *found)} <= {MEMBRANE}:
+            return found
+        return max(found, self._searched(spec, others), key=partial(_worth, spec))
 
     def _searched(
-        self, spec: FingerSpec, finger: Finger, starts: Sequence[Placement]
+        self, spec: FingerSpec, starts: Sequence[Placement]
     ) -> tuple[MirrorDesign, Yield]:
-        found = design_mirrors(finger, spec.mirrors, self.context, starts)
+        """In a body without links: of these the optics need nothing but the wall beside them."""
+        blank = blank_finger(spec.linkage_spec())
+        found = design_mirrors(blank, spec.mirrors, self.context, starts)
         with self.context.step("Yield of the mirrors"):
             errors, seed = spec.mirrors.tolerances, self.context.seed
             share = monte_carlo(found.finger, errors, draws=spec.yield_draws, seed=seed)
@@ -116,7 +125,6 @@ class Designer:
 
     def parts(self, spec: FingerSpec) -> tuple[LinkageDesign, MirrorDesign, Yield]:
         """Linkage, and camera and mirrors with their yield; the latter have the whole finger."""
-        # Of the linkage the optics need nothing but the body that it is in.
         blank = blank_finger(spec.linkage_spec())
         side_by_side([lambda: self.linkage(spec), lambda: self.mirrors(spec, blank)])
         linkage = self.linkage(spec)
@@ -161,7 +169,7 @@ class Designer:
         mirrors, share = self.mirrors(other, start.finger)
         if _optics(spec) != _optics(other):
             known = [mirrors.trials[mirrors.chosen].placement]
-            mirrors, share = self._searched(spec, linkage.finger, known)
+            mirrors, share = self._searched(spec, known)
         return not missed_by_mirrors(spec, mirrors, share)
 
     def could_help(self, spec: FingerSpec, other: FingerSpec) -> bool:
@@ -185,6 +193,13 @@ def missed_by_mirrors(spec: FingerSpec, mirrors: MirrorDesign, share: Yield) -> 
     """Names of the requirements that camera and mirrors miss."""
     checks = optical_checks(mirrors.finger, mirrors.verdict, share, spec.mirrors)
     return [check.name for check in checks if not check.met]
+
+
+def _worth(spec: FingerSpec, design: tuple[MirrorDesign, Yield]) -> tuple[float, ...]:
+    """Greater is better: what is met, then what is seen, how sharply, and how often with errors."""
+    mirrors, share = design
+    unmet = missed_by_mirrors(spec, mirrors, share)
+    return -len(unmet), *mirrors.verdict.quality(spec.mirrors.floor), share.value
 
 
 def _optics(spec: FingerSpec) -> str:

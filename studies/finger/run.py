@@ -1,4 +1,4 @@
-"""The study itself: linkage, then mirrors in the space that it leaves, then the grasp check.
+"""The study itself: linkage and, beside it, mirrors; then the grasp check.
 
 The links lie beside the sensing pads' width (`studies.models.links`), so that mirrors have the
 whole section between the faces.

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from designopt import batching
 from designopt.batching import map_blocks, map_in_chunks, side_by_side
 
 
@@ -55,7 +56,7 @@ def test_blocks_of_one_program_give_what_the_whole_batch_gives():
 
 
 def test_calls_run_at_the_same_time_and_return_in_their_order(monkeypatch):
-    monkeypatch.setattr("os.cpu_count", lambda: 3)
+    monkeypatch.setenv("NPROC", "3")
     together = threading.Barrier(3, timeout=10)
 
     def call(number: int) -> int:
@@ -74,7 +75,7 @@ def test_calls_have_the_float_type_of_their_caller(doubled):
 
 
 def test_what_a_call_raises_comes_out_once_those_that_have_begun_are_done(monkeypatch):
-    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    monkeypatch.setenv("NPROC", "2")
     begun, done = threading.Event(), threading.Event()
 
     def fail() -> None:
@@ -91,19 +92,30 @@ def test_what_a_call_raises_comes_out_once_those_that_have_begun_are_done(monkey
     assert done.is_set()
 
 
-def test_an_interrupt_does_not_wait_for_calls_that_have_begun(monkeypatch):
-    monkeypatch.setattr("os.cpu_count", lambda: 2)
+def test_an_interrupt_does_not_wait_for_what_has_begun(monkeypatch):
+    monkeypatch.setenv("NPROC", "1")
     begun, release = threading.Event(), threading.Event()
+    later = []
 
     def long() -> None:
         begun.set()
         release.wait(30)
 
-    def interrupted() -> None:
+    def interrupted(*_, **__) -> None:
         begun.wait(30)
         raise KeyboardInterrupt
 
+    monkeypatch.setattr(batching, "wait", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        side_by_side([interrupted, long])
+        side_by_side([long, lambda: later.append(1)])
     assert not release.is_set()
     release.set()
+    assert later == []
+
+
+def test_there_are_as_many_threads_as_cores(monkeypatch):
+    monkeypatch.delenv("NPROC", raising=False)
+    monkeypatch.setattr(batching, "usable_cores", lambda: 3)
+    together = threading.Barrier(3, timeout=10)
+    side_by_side([together.wait] * 6)
+    assert not together.broken

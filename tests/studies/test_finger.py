@@ -1,6 +1,8 @@
 """The study ``finger``: its lines, and the whole of it."""
 
 from contextlib import nullcontext
+from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -19,6 +21,7 @@ from studies.models.linkage_design.spec import FingerLinkageSpec
 from studies.models.linkage_design.tolerance import least_angles
 from studies.models.mirror_design import judging, yields
 from studies.models.mirror_design.design import MirrorDesign
+from studies.models.mirror_design.judging import Verdict
 from studies.models.mirror_design.judging import judged as judge_mirrors
 from studies.models.mirror_design.spec import MirrorSpec
 from tests.studies.fingers import finger_of, seeing_finger
@@ -47,28 +50,49 @@ def given_mirrors(finger: Finger, _: MirrorSpec, context: Context, starts: None)
     return MirrorDesign(finger, [], [judge_mirrors(finger)], [], 0)
 
 
+FIRST, OTHERS, ALL = "first", "others", 4
+"""Designs, by what they began with, and how many starts there are."""
+
+
 @pytest.mark.parametrize(
-    ("unmet", "tried", "taken"), [((0, 0), 1, 1), ((2, 1), 4, 3), ((2, 2), 4, 1), ((1, 3), 4, 1)]
+    ("unmet", "coverages", "tried", "taken"),
+    [
+        (([], []), (1.0, 1.0), 1, FIRST),
+        ((["membrane"], []), (1.0, 1.0), 1, FIRST),
+        ((["yield", "px/mm"], ["yield"]), (1.0, 0.9), ALL, OTHERS),
+        ((["yield"], ["coverage", "px/mm"]), (1.0, 0.9), ALL, FIRST),
+        ((["coverage"], ["coverage"]), (0.8, 0.9), ALL, OTHERS),
+    ],
 )
-def test_the_other_starts_are_tried_where_the_first_is_not_enough(monkeypatch, unmet, tried, taken):
-    """A search with one start misses as many requirements as is stated, one with more the other."""
+def test_the_other_starts_are_tried_where_the_first_is_not_enough(
+    monkeypatch, unmet, coverages, tried, taken
+):
     begun, share = [], yields.Yield(0.5, 0.4, 0.6, 10, np.zeros((1, 3)))
+    by_start: dict[str, Any] = {
+        FIRST: (unmet[0], coverages[0]),
+        OTHERS: (unmet[1], coverages[1]),
+    }
+    names: dict[int, str] = {}  # by a verdict's identity
 
     def search(finger, spec, context, starts):
         del spec, context
         begun.extend(starts)
-        return MirrorDesign(finger, [], [], [], len(starts))
+        name = FIRST if len(starts) == 1 else OTHERS
+        verdict = Mock(spec=Verdict)
+        verdict.quality.return_value = (by_start[name][1], 2.5)
+        names[id(verdict)] = name
+        return MirrorDesign(finger, [], [verdict], [], 0)
 
     def missed(spec, found, given):
         assert given is share
-        return ["some"] * unmet[found.chosen > 1]
+        return by_start[names[id(found.verdict)]][0]
 
     monkeypatch.setattr(designing, "design_mirrors", search)
     monkeypatch.setattr(designing, "missed_by_mirrors", missed)
     monkeypatch.setattr(designing, "monte_carlo", lambda *_, **__: share)
     context = Context(0, "float64", lambda _: nullcontext())
-    found, _ = designing.Designer(context)._designed(FingerSpec(), finger_of())
-    assert found.chosen == taken
+    found, _ = designing.Designer(context)._designed(FingerSpec())
+    assert names[id(found.verdict)] == taken
     assert len(begun) == tried
 
 

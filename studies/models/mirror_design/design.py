@@ -110,7 +110,8 @@ class Trial(NamedTuple):
         objective: there, of the last stage.
         violation: largest violation of an inequality there, scaled.
         steps: of the solver, in all.
-        seconds: its run time; the first search of a process compiles, too.
+        seconds: its run time; the first search of a process compiles, too, and of several starts
+            the others run beside each other.
         multipliers: of the inequalities at the end.
     """
 
@@ -129,8 +130,7 @@ class MirrorDesign:
 
     Attributes:
         finger: with its camera and mirrors.
-        trials: what every start led to: the poor one first, then the random ones; of layered pads
-            the reference layout, which is one for bare pads, last.
+        trials: what every start led to, in their order; see `first_placements`.
         verdicts: on every trial.
         tasks: of all stages.
         chosen: index of the trial that was taken.

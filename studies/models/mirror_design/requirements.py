@@ -15,6 +15,7 @@ from studies.models.mirror_design.spec import MirrorSpec
 from studies.models.mirror_design.yields import Yield
 
 COVERAGE, SHARPNESS, SPARE = "coverage", "px/mm", "degrees to spare"
+MEMBRANE = "membrane"
 
 SIDES = ("towards the root", "towards the tip")
 """Of the field of view, in the straight finger."""
@@ -43,7 +44,7 @@ def optical_checks(
         checks.append(Check("transmission", spec.pads.min_transmission, worst.transmission, ""))
     checks += [
         Check("yield", spec.least_yield, share.value, ""),
-        Check("membrane", spec.least_membrane, float(finger.body.membrane)),
+        Check(MEMBRANE, spec.least_membrane, float(finger.body.membrane)),
         *clearance_checks(finger, spec.room.clearance),
     ]
     # Reported: what is needed lies inside the field of view by itself.
