@@ -115,7 +115,7 @@ class Designer:
     def _searched(
         self, spec: FingerSpec, starts: Sequence[Placement]
     ) -> tuple[MirrorDesign, Yield]:
-        """In a body without links: of these the optics need nothing but the wall beside them."""
+        """In a body without pins: of the links the optics need nothing but the wall beside them."""
         blank = blank_finger(spec.linkage_spec())
         found = design_mirrors(blank, spec.mirrors, self.context, starts)
         with self.context.step("Yield of the mirrors"):
