@@ -304,7 +304,9 @@ def test_errors_that_hide_something_are_looked_at(monkeypatch, kept):
     task, angles = problem.Task.of(poor, spec, 0), yields.postures(poor)
     hidden = np.zeros((designing.FAILURE_DRAWS, len(angles), 3))
     hidden[3, [10, 20], 0], hidden[7, [40, 50], 2] = [0.1, 0.2], [0.5, 0.4]
-    answers, tasks = [1 - hidden, np.ones_like(hidden)], []
+    again = np.zeros_like(hidden)
+    again[5, [60, 70], 1] = [0.3, 0.2]
+    answers, tasks = [1 - hidden, 1 - again, np.ones_like(hidden)], []
     first = Trial(free_part(poor), free_part(poor), 0.0, 0.0, 1, 0.0, no_multipliers(task))
 
     def search(start, limits, given, *_):
@@ -320,9 +322,44 @@ def test_errors_that_hide_something_are_looked_at(monkeypatch, kept):
     monkeypatch.setattr(designing, "clearance_checks", lambda *_: lines)
     found, _ = designing._with_failures((first, verdict), poor, task, (poor, poor), spec, 5)
     assert found.objective == (1.0 if kept else 0.0)
-    (looked,) = tasks
-    errors = 1.2 * sample_errors(spec.tolerances, 2, designing.FAILURE_DRAWS, 5)[[7, 3]]
-    own = slice(task.plain, task.plain + 2)
+    first_round, looked = tasks
+    assert_looks_alike(first_round, task, slice(task.plain + 2, None))
+    # What failed in the first round is looked at in the second, too.
+    errors = 1.2 * sample_errors(spec.tolerances, 2, designing.FAILURE_DRAWS, 5)[[7, 3, 5]]
+    own = slice(task.plain, task.plain + 3)
     np.testing.assert_allclose(looked.errors[own], errors)
-    np.testing.assert_allclose(np.rad2deg(looked.angles[own]), angles[[[40, 50], [20, 10]]])
-    np.testing.assert_array_equal(looked.errors[task.plain + 2 :], task.errors[task.plain + 2 :])
+    postures = angles[[[40, 50], [20, 10], [60, 70]]]
+    np.testing.assert_allclose(np.rad2deg(looked.angles[own]), postures)
+    assert_looks_alike(looked, task, slice(task.plain + 3, None))
+
+
+def assert_looks_alike(task, other, looks):
+    np.testing.assert_array_equal(task.errors[looks], other.errors[looks])
+    np.testing.assert_array_equal(task.angles[looks], other.angles[looks])
+
+
+@pytest.mark.parametrize(("rounds", "left"), [(5, 1.0), (2, 0.9)])
+def test_what_gives_way_is_what_is_seen_not_the_room(monkeypatch, rounds, left):
+    """Only the clearances' multipliers are kept from round to round, until these are kept."""
+    spec = MirrorSpec.model_validate({"search": {"copies": 2, "poses": 2}})
+    poor = poor_layout(BARE, spec.camera)
+    task = problem.Task.of(poor, spec, 0)
+    held = jax.tree.map(jnp.ones_like, no_multipliers(task))
+    first = Trial(free_part(poor), free_part(poor), 0.0, 0.0, 1, 1.0, held)
+    given = []
+
+    def search(start, *_):
+        given.append(_[-1])
+        return first._replace(start=start)
+
+    rooms = [0.8, 0.9, 1.0]
+    monkeypatch.setattr(designing, "ROOM_ROUNDS", rounds)
+    monkeypatch.setattr(designing, "search", search)
+    monkeypatch.setattr(
+        designing, "clearance_checks", lambda *_: (Check("clearance", 1.0, rooms[len(given) - 1]),)
+    )
+    found = designing._with_room(first, poor, task, (poor, poor), spec)
+    assert rooms[len(given) - 1] == left
+    assert (found.steps, found.seconds) == (1 + len(given), 1.0 + len(given))
+    assert not any(np.any(one["coverage"]) or np.any(one["resolution"]) for one in given)
+    assert [float(np.max(one["clearance"])) for one in given] == [0.0, *[1.0] * (len(given) - 1)]

@@ -89,6 +89,9 @@ FAILURE_DRAWS, FAILURE_ROUNDS, FAILURE_GROWTH = 400, 7, 1.2
 """Draws among which errors are looked for that hide something, how often at most, and by how much
 larger these errors are looked at."""
 
+ROOM_ROUNDS = 5
+"""How often at most a design is moved until it keeps all clearances."""
+
 SHARE = 0.1
 """Of the Lagrangian, which is what the solver sees: its first steps, for it begins with the
 identity as curvature, are then of a few mm."""
@@ -203,9 +206,7 @@ def design_mirrors(
 
     def rank(number: int) -> tuple[bool, float, float]:
         trial = trials[number]
-        made = put_in(trial.placement, poor)
-        clear = all(one.met for one in clearance_checks(made, spec.room.clearance))
-        if not (clear and verdicts[number].meets(spec.floor)):
+        if not (verdicts[number].meets(spec.floor) and _is_clear(trial, poor, spec)):
             return True, 0.0, trial.objective + 100 * trial.violation
         if number not in shares:
             shares[number] = share(number)
@@ -221,6 +222,10 @@ def design_mirrors(
             better = _with_worst(trials[chosen], poor, tasks, limits, spec.floor, exchanges)
         trials[chosen], verdicts[chosen] = better
         exchanges = 0
+    if not _is_clear(trials[chosen], poor, spec):
+        with context.step("Room of the mirrors"):
+            trials[chosen] = _with_room(trials[chosen], poor, tasks[-1], limits, spec)
+            verdicts[chosen] = judged(put_in(trials[chosen].placement, poor))
     if verdicts[chosen].meets(spec.floor):
         with context.step("Errors that hide something"):
             better = trials[chosen], verdicts[chosen]
@@ -255,9 +260,7 @@ def _with_worst(
         assert worst is not None  # as it is judged everywhere
         task = task.looking_at(worst.postures, number)
         known = _without(now[0].multipliers, task, number)
-        more = search(now[0].placement, limits, [task], copies, STAGES[-1:], known)
-        more = more._replace(start=trial.start, steps=more.steps + now[0].steps)
-        more = more._replace(seconds=more.seconds + now[0].seconds)
+        more = _searched_on(now[0], limits, task, known, copies)
         now = more, judged(put_in(more.placement, poor))
         best = max(best, now, key=lambda one: one[1].quality(floor))
     return best
@@ -274,12 +277,12 @@ def _with_failures(
     """A trial searched on with errors that hide something in it, and the verdict on it.
 
     As in `_with_worst`, but with errors: of a sample of these, the ones that hide most take the
-    place of half of the copies, in the postures in which they do. What then hides less often
-    counts, if it still meets all else.
+    places of copies, in the postures in which they do, one round after the other: those of earlier
+    rounds are looked at on, or the search would come back to what failed there. What then hides
+    less often counts, if it still meets all else.
     """
     errors = sample_errors(spec.tolerances, len(poor.mirrors), FAILURE_DRAWS, seed)
-    half, poses = task.copies // 2, task.angles.shape[1]
-    copies = slice(task.plain, task.plain + half)
+    poses, taken = task.angles.shape[1], 0
     now, best, least = found[0], found[0], np.inf
     for number in range(FAILURE_ROUNDS + 1):
         made = put_in(now.placement, poor)
@@ -290,7 +293,9 @@ def _with_failures(
             best, least = now, len(failed)
         if least <= (1 - spec.least_yield) / 2 * len(errors) or number == FAILURE_ROUNDS:
             break
-        own = np.resize(failed, half)
+        own = failed[: task.copies // 2]
+        copies = task.plain + (taken + np.arange(len(own))) % task.copies
+        taken += len(own)
         worst = np.argsort(-hidden[own], axis=1)[:, :poses]
         angles = np.deg2rad(postures(made))[worst]
         task = replace(
@@ -298,13 +303,50 @@ def _with_failures(
             errors=task.errors.at[copies].set(FAILURE_GROWTH * errors[own]),
             angles=task.angles.at[copies].set(angles),
         )
-        more = search(now.placement, limits, [task], None, STAGES[-1:], now.multipliers)
-        steps, seconds = more.steps + now.steps, more.seconds + now.seconds
-        now = more._replace(start=now.start, steps=steps, seconds=seconds)
-    made = put_in(best.placement, poor)
-    verdict = judged(made)
-    clear = all(one.met for one in clearance_checks(made, spec.room.clearance))
-    return (best, verdict) if clear and verdict.meets(spec.floor) else found
+        now = _searched_on(now, limits, task, now.multipliers)
+    verdict = judged(put_in(best.placement, poor))
+    return (best, verdict) if verdict.meets(spec.floor) and _is_clear(best, poor, spec) else found
+
+
+def _is_clear(trial: Trial, poor: Finger, spec: MirrorSpec) -> bool:
+    """Whether a trial keeps all clearances."""
+    made = put_in(trial.placement, poor)
+    return all(one.met for one in clearance_checks(made, spec.room.clearance))
+
+
+def _with_room(
+    trial: Trial,
+    poor: Finger,
+    task: Task,
+    limits: tuple[Placement, Placement],
+    spec: MirrorSpec,
+) -> Trial:
+    """A trial that misses something searched on until it keeps all clearances, whatever it hides.
+
+    Where the inequalities contradict each other, their multipliers grow without end and what gives
+    way depends on the scales. So here they begin anew, and only those of the clearances are kept
+    from round to round.
+    """
+    known = no_multipliers(task)
+    for _ in range(ROOM_ROUNDS):
+        trial = _searched_on(trial, limits, task, known)
+        if _is_clear(trial, poor, spec):
+            break
+        known = known | {"clearance": trial.multipliers["clearance"]}
+    return trial
+
+
+def _searched_on(
+    trial: Trial,
+    limits: tuple[Placement, Placement],
+    task: Task,
+    multipliers: Multipliers,
+    copies: int | None = None,
+) -> Trial:
+    """A trial after one more last stage; its steps and run time are those of all stages."""
+    more = search(trial.placement, limits, [task], copies, STAGES[-1:], multipliers)
+    steps, seconds = more.steps + trial.steps, more.seconds + trial.seconds
+    return more._replace(start=trial.start, steps=steps, seconds=seconds)
 
 
 def _without(multipliers: Multipliers, task: Task, number: int) -> Multipliers:
