@@ -11,8 +11,12 @@ class FingerVerdictsSpec(Spec):
     """All settings of ``designopt run finger-verdicts``."""
 
     fingers: int = setting(20, "fingers that are drawn", scales=True, ge=1, le=1000)
-    advice: bool = setting(
-        True, "look for the changes that would help those that miss something", free=True
+    advised: int = setting(
+        4,
+        "of those that miss something, how many to look for changes for: the ones that miss least",
+        free=True,
+        ge=0,
+        le=1000,
     )
     postures: int = setting(
         40, "random postures that rays check, besides the worst ones", free=True, ge=1, le=10_000

@@ -1,4 +1,4 @@
-"""The study itself: random fingers, each designed, judged by others, and helped where it fails."""
+"""The study itself: random fingers are designed and judged by others; advice for some of them."""
 
 from __future__ import annotations
 
@@ -68,6 +68,22 @@ class Drawn(NamedTuple):
     refusal: str = ""
 
 
+class Unmet(NamedTuple):
+    """A finger that misses something.
+
+    Attributes:
+        number: of the drawn one.
+        missed: names of the requirements that it misses.
+        spec: its settings.
+        designer: what designed it.
+    """
+
+    number: int
+    missed: list[str]
+    spec: FingerSpec
+    designer: Designer
+
+
 def run(spec: FingerVerdictsSpec, context: Context) -> Results:
     """Draw fingers and compare the verdict on each with what polygons and rays find.
 
@@ -77,6 +93,7 @@ def run(spec: FingerVerdictsSpec, context: Context) -> Results:
     context.require_float64("finger-verdicts solves requirements to 1e-8")
     require_mitsuba("finger-verdicts")
     out, rows, changes = Report(spec, package=__package__), Records(), Records()
+    unmet: list[Unmet] = []
     for number, drawn in enumerate(draw(spec.fingers, context.seed)):
         row: dict[str, Any] = {"finger": number} | drawn.numbers
         if drawn.spec is None:
@@ -89,15 +106,20 @@ def run(spec: FingerVerdictsSpec, context: Context) -> Results:
             missed = [*requirements(drawn.spec, found).where(met="no")["requirement"]]
             with context.step("Polygons and rays"):
                 judged = judge(drawn.spec, found, spec, context.seed)
-            verdict = "missed" if missed else "met"
-            rows.add(**row, verdict=verdict, missed="; ".join(missed), **judged)
-            if missed and spec.advice:
-                for one in advise(drawn.spec, designer):
-                    changes.add(finger=number, **one._asdict())
+        verdict = "missed" if missed else "met"
+        rows.add(**row, verdict=verdict, missed="; ".join(missed), **judged)
+        if missed:
+            unmet.append(Unmet(number, missed, drawn.spec, designer))
     out.table("fingers", rows)
+    least = sorted(unmet, key=lambda one: len(one.missed))[: spec.advised]
+    for one in least:
+        with context.step(f"Advice for finger {one.number}"):
+            for change in advise(one.spec, one.designer):
+                changes.add(finger=one.number, **change._asdict())
     if len(changes):
         out.table("changes", changes)
     infeasible = int(np.sum(rows["verdict"] != "met"))
+    out.values(looked_at=len(least))
     out.metrics(
         contradicted=int(np.sum(rows["agree"] == "no")),
         infeasible=infeasible,
