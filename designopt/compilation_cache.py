@@ -31,6 +31,10 @@ LIMIT = 256 * 2**20
 PROGRAM, PARTIAL = ".xla-program", ".xla-partial"
 NAMED = re.compile(rf"[0-9a-f]{{64}}{PROGRAM}|tmp\w{{8}}{PARTIAL}")
 """Names of a store's files; any other in its folder is somebody else's."""
+MAPPINGS, MOST_MAPPINGS = Path("/proc/self/maps"), Path("/proc/sys/vm/max_map_count")
+"""Of this process, one a line, and how many it may have."""
+FULL = 0.4
+"""Part of the mappings from which on programs are forgotten: a finger's design takes as much."""
 ABANDONED = 3600.0
 """Seconds after which a file that is still being written belongs to no process any more."""
 
@@ -75,6 +79,26 @@ def keep_programs() -> None:
     # Hundreds of programs take less than JAX's second each, and together most of the time.
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache entry")
+
+
+def forget_programs_if_many() -> None:
+    """Let JAX forget what it has compiled, where that fills much of what a process may map.
+
+    Each program maps memory several times. Beyond Linux' bound on mappings nothing can be compiled
+    any more, and the process ends with "Cannot allocate memory". Between tasks that compile
+    programs of their own this leaves more than half of the bound for the next one. What is
+    forgotten is traced again, and loaded where programs are kept.
+    """
+    try:
+        bound = int(MOST_MAPPINGS.read_text())
+        with MAPPINGS.open() as lines:
+            count = sum(1 for _ in lines)
+    except OSError:
+        return  # another system, which has no such bound
+    if count > FULL * bound:
+        import jax
+
+        jax.clear_caches()
 
 
 def _user_folder() -> Path | None:

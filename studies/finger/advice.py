@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
+from designopt.compilation_cache import forget_programs_if_many
 from designopt.study.records import Records
 from designopt.study.settings import fields
 from studies.finger import FingerSpec
@@ -97,6 +98,7 @@ def advise(spec: FingerSpec, designer: Designer) -> list[Advice]:
         name = lever.setting
         if not isinstance(value_of(spec, name), float):
             continue  # as of the field of view of a lens that is sold
+        forget_programs_if_many()
         if (steps := _smallest(spec, lever, designer)) is not None:
             needed, half = changed(spec, lever, steps), changed(spec, lever, steps / 2)
             assert needed is not None  # as it was designed

@@ -15,7 +15,16 @@ import pytest
 from jax._src import compilation_cache
 
 from designopt import cli
-from designopt.compilation_cache import ABANDONED, OFF, PARTIAL, VARIABLE, Store, keep_programs
+from designopt.compilation_cache import (
+    ABANDONED,
+    MAPPINGS,
+    OFF,
+    PARTIAL,
+    VARIABLE,
+    Store,
+    forget_programs_if_many,
+    keep_programs,
+)
 from tests.commands import python
 from tests.designopt.tables import cases
 
@@ -278,3 +287,52 @@ def test_an_option_switches_it_off(monkeypatch, capsys, line):
     assert cli.run(line.split()) == 2
     assert os.environ[VARIABLE] == OFF  # for the processes of a sweep, too
     assert "no.toml" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("count", "forgotten"), [(39, 0), (41, 1)])
+def test_programs_are_forgotten_before_a_process_may_map_no_more(
+    tmp_path, monkeypatch, count, forgotten
+):
+    cleared = []
+    monkeypatch.setattr(jax, "clear_caches", lambda: cleared.append(True))
+    for name, text in {"MAPPINGS": "a mapping\n" * count, "MOST_MAPPINGS": "100\n"}.items():
+        (tmp_path / name).write_text(text)
+        monkeypatch.setattr(f"designopt.compilation_cache.{name}", tmp_path / name)
+    forget_programs_if_many()
+    assert len(cleared) == forgotten
+
+
+def test_without_a_bound_on_mappings_nothing_is_forgotten(tmp_path, monkeypatch):
+    monkeypatch.setattr(jax, "clear_caches", lambda: pytest.fail("forgotten"))
+    monkeypatch.setattr("designopt.compilation_cache.MOST_MAPPINGS", tmp_path / "none")
+    forget_programs_if_many()
+
+
+MAPPING = """
+import jax
+import jax.numpy as jnp
+from designopt import compilation_cache
+
+def count():
+    return len(compilation_cache.MAPPINGS.read_text().splitlines())
+
+def compile_some(offset):
+    for number in range(20):
+        jax.jit(lambda x: jnp.sin(x) * (number + offset) + jnp.sort(x))(jnp.arange(8.0))
+    return count()
+
+compilation_cache.FULL = 0.0
+begin, first = count(), compile_some(0.0)
+compilation_cache.forget_programs_if_many()
+print(begin, first, compile_some(0.5))
+"""
+
+
+@pytest.mark.skipif(not MAPPINGS.exists(), reason="Linux alone counts mappings")
+def test_forgotten_programs_leave_their_mappings_to_others():
+    """As the bound is on these, not on what JAX keeps."""
+    done = python("-c", MAPPING)
+    assert (done.returncode, done.stderr) == (0, "")
+    begin, first, second = map(int, done.stdout.split())
+    assert first > begin + 20
+    assert second < first + (first - begin) / 2

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from pydantic import ValidationError
 from scipy.stats import qmc
 
+from designopt.compilation_cache import forget_programs_if_many
 from designopt.study.records import Records
 from designopt.study.report import Report
 from designopt.study.results import Results
@@ -99,6 +100,7 @@ def run(spec: FingerVerdictsSpec, context: Context) -> Results:
         if drawn.spec is None:
             rows.add(**row, verdict="refused", missed=drawn.refusal, **nothing_judged())
             continue
+        forget_programs_if_many()
         with context.step(f"Finger {number + 1} of {spec.fingers}"):
             # One for each, so that no linkage keeps the parts apart that another one needs.
             designer = Designer(context)
