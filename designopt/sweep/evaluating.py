@@ -16,6 +16,7 @@ from contextlib import nullcontext, suppress
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, NamedTuple
 
+from designopt.compilation_cache import forget_programs_if_many
 from designopt.errors import UserError
 from designopt.io.spec import Spec
 from designopt.study.results import Results
@@ -80,6 +81,7 @@ def evaluate(task: Task) -> list[Outcome]:
             device = f"{jax.devices()[0].device_kind} ({platform.machine()}), one thread a worker"
             outcomes = _outcomes(study, specs, task.width, context, device)
             programs.task_is_done()
+            forget_programs_if_many()
             return outcomes
 
 

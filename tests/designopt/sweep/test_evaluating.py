@@ -32,6 +32,13 @@ def test_every_point_has_its_metrics_or_its_reason(installed):
     assert (broken.failure, broken.final) == ("ZeroDivisionError: float division by zero", False)
 
 
+def test_programs_are_forgotten_between_tasks_where_there_are_many(installed, monkeypatch):
+    asked = []
+    monkeypatch.setattr(evaluating, "forget_programs_if_many", lambda: asked.append(True))
+    evaluate(task("swept", "x=2", "x=3"))
+    assert asked == [True]
+
+
 def test_the_float_type_is_the_one_asked_for(installed):
     (single,) = evaluate(task("swept", "x=2", dtype="float32"))
     assert single.metrics[2].value == 4
