@@ -33,8 +33,8 @@ NAMED = re.compile(rf"[0-9a-f]{{64}}{PROGRAM}|tmp\w{{8}}{PARTIAL}")
 """Names of a store's files; any other in its folder is somebody else's."""
 MAPPINGS, MOST_MAPPINGS = Path("/proc/self/maps"), Path("/proc/sys/vm/max_map_count")
 """Of this process, one a line, and how many it may have."""
-FULL = 0.4
-"""Part of the mappings from which on programs are forgotten: a finger's design takes as much."""
+FULL = 0.5
+"""Part of the mappings from which on programs are forgotten: a finger's design takes 0.45."""
 ABANDONED = 3600.0
 """Seconds after which a file that is still being written belongs to no process any more."""
 
@@ -86,7 +86,7 @@ def forget_programs_if_many() -> None:
 
     Each program maps memory several times. Beyond Linux' bound on mappings nothing can be compiled
     any more, and the process ends with "Cannot allocate memory". Between tasks that compile
-    programs of their own this leaves more than half of the bound for the next one. What is
+    programs of their own this leaves half of the bound for the next one. What is
     forgotten is traced again, and loaded where programs are kept.
     """
     try:

@@ -102,7 +102,7 @@ def test_those_that_miss_least_get_advice(monkeypatch):
     def draw(count, seed):
         del seed
         for number in range(count):
-            numbers = dict.fromkeys(verdicts.BOUNDS, 1.0) | {"thickness": float(number)}
+            numbers = dict.fromkeys(verdicts.BOUNDS, 1.0) | {"mirrors": float(number % 2)}
             yield (
                 verdicts.Drawn(numbers, None, "refused")
                 if number == 5
@@ -137,4 +137,6 @@ def test_those_that_miss_least_get_advice(monkeypatch):
     assert metrics == {"contradicted": 1, "infeasible": 5, "helped": 1}
     tables = {one.name: one.rows for one in results.tables}
     assert [row[:2] for row in tables["changes"]] == [(4, "body.thickness")]
-    assert [row[-1] for row in tables["fingers"]][3] == "no"
+    # Those of as many mirrors together.
+    assert [row[0] for row in tables["fingers"]] == [0, 2, 4, 1, 3, 5]
+    assert [row[-1] for row in tables["fingers"]] == ["yes"] * 4 + ["no", "yes"]

@@ -95,7 +95,9 @@ def run(spec: FingerVerdictsSpec, context: Context) -> Results:
     require_mitsuba("finger-verdicts")
     out, rows, changes = Report(spec, package=__package__), Records(), Records()
     unmet: list[Unmet] = []
-    for number, drawn in enumerate(draw(spec.fingers, context.seed)):
+    # One after the other those of as many mirrors, for they share compiled programs.
+    fingers = enumerate(draw(spec.fingers, context.seed))
+    for number, drawn in sorted(fingers, key=lambda one: one[1].numbers["mirrors"]):
         row: dict[str, Any] = {"finger": number} | drawn.numbers
         if drawn.spec is None:
             rows.add(**row, verdict="refused", missed=drawn.refusal, **nothing_judged())
