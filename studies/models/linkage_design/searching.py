@@ -101,15 +101,22 @@ class Search:
         starts: where the first round began.
         rounds: the solves; the first from Sobol points, the others from the best before.
         near: the parts whose clearance they keep.
-        shortfall: what is missing at least, over the last round's postures, where the requirements
-            were not met; see `make_elastic`.
     """
 
     finger: Finger
     starts: Starts
     rounds: tuple[Round, ...]
     near: Sequence[Meeting]
-    shortfall: Optimum | None = None
+
+    @functools.cached_property
+    def shortfall(self) -> Optimum | None:
+        """What is missing at least, over the last round's postures; see `make_elastic`.
+
+        ``None`` where the requirements are met. It takes as long as the search, and is solved when
+        it is first asked for.
+        """
+        last = self.rounds[-1]
+        return _shortfall(last, self.starts) if last.optima.best.violation > NEARLY else None
 
     @property
     def best(self) -> Optimum:
@@ -227,10 +234,7 @@ def _finished(
     if finger.motor is not None:
         found = with_motor_pin(found, spec.motor.arm, ends_of(finger.body))
     made = finger.with_pins(rounded(pins_of(found), spec.search.rounding))
-    short = None
-    if rounds[-1].optima.best.violation > NEARLY:
-        short = _shortfall(rounds[-1], starts)
-    return Search(made, starts, tuple(rounds), near, short)
+    return Search(made, starts, tuple(rounds), near)
 
 
 def blank_finger(spec: FingerLinkageSpec) -> Finger:
