@@ -192,7 +192,12 @@ def few_looks(monkeypatch):
 @pytest.mark.usefixtures("few_looks")
 def test_the_searchs_function_is_the_problems():
     """Its value in NumPy from `terms_of`, its slope by central differences; fewer copies too."""
-    task, penalty = problem.Task.of(POOR, SMALL, 0), 10.0
+    task, penalties = problem.Task.of(POOR, SMALL, 0), Stage(1.0, 10.0, 3.0).penalties
+    assert {name: float(one) for name, one in penalties.items()} == {
+        "coverage": 10.0,
+        "resolution": 10.0,
+        "clearance": 30.0,
+    }
     point, build = off_kinks(POOR)
     places = SMALL.search.poses * task.plain
     given = jnp.asarray(np.random.default_rng(0).uniform(0, 2, (2, places + 1, 3)))
@@ -203,7 +208,7 @@ def test_the_searchs_function_is_the_problems():
     }
 
     def found(point, copies):
-        arguments = jnp.asarray(copies), jnp.asarray(penalty), multipliers
+        arguments = jnp.asarray(copies), penalties, multipliers
         (value, terms), slope = lagrangian(jnp.asarray(point), task, *arguments)
         return float(value), terms, np.asarray(slope)
 
@@ -212,6 +217,7 @@ def test_the_searchs_function_is_the_problems():
         expected = float(terms.value)
         for name, levels in terms.inequalities.items():
             m, g = np.asarray(multipliers[name]), np.asarray(levels)
+            penalty = float(penalties[name])
             expected += np.sum(np.maximum(m - penalty * g, 0) ** 2 - m**2) / (2 * penalty)
         value, same, slope = found(point, copies)
         np.testing.assert_allclose(value, expected, rtol=1e-12)

@@ -55,7 +55,8 @@ from studies.models.mirror_design.spec import MirrorSpec
 from studies.models.mirror_design.yields import coverages, monte_carlo, postures
 
 Multipliers = dict[str, Float[Array, "..."]]
-"""Of the inequalities, by name."""
+Penalties = dict[str, Float[Array, ""]]
+"""Of the inequalities, by name: ``coverage``, ``resolution`` and ``clearance``."""
 
 
 class Stage(NamedTuple):
@@ -65,10 +66,18 @@ class Stage(NamedTuple):
         growth: of the copies' errors, over those at the end.
         penalty: on the square of a violation; 0 leaves the inequalities out, for early ones would
             hold on to whatever glimpse is sharp.
+        room: times as large is that of a clearance.
     """
 
     growth: float
     penalty: float
+    room: float = 1.0
+
+    @property
+    def penalties(self) -> dict[str, Array]:
+        """On every inequality, by name."""
+        own = {"coverage": 1.0, "resolution": 1.0, "clearance": self.room}
+        return {name: jnp.asarray(self.penalty * times) for name, times in own.items()}
 
 
 STAGES = (Stage(4.0, 0.0), Stage(2.0, 1.0), Stage(1.0, 10.0), Stage(1.0, 100.0))
@@ -89,8 +98,9 @@ FAILURE_DRAWS, FAILURE_ROUNDS, FAILURE_GROWTH = 400, 7, 1.2
 """Draws among which errors are looked for that hide something, how often at most, and by how much
 larger these errors are looked at."""
 
-ROOM_ROUNDS = 5
-"""How often at most a design is moved until it keeps all clearances."""
+ROOM, ROOM_ROUNDS = Stage(1.0, 100.0, 100.0), 5
+"""How a design that shows too little is moved until it keeps all clearances, and how often at most:
+with the penalty of the other stages what nothing can show would outweigh them."""
 
 SHARE = 0.1
 """Of the Lagrangian, which is what the solver sees: its first steps, for it begins with the
@@ -329,7 +339,7 @@ def _with_room(
     """
     known = no_multipliers(task)
     for _ in range(ROOM_ROUNDS):
-        trial = _searched_on(trial, limits, task, known)
+        trial = _searched_on(trial, limits, task, known, stage=ROOM)
         if _is_clear(trial, poor, spec):
             break
         known = known | {"clearance": trial.multipliers["clearance"]}
@@ -342,9 +352,10 @@ def _searched_on(
     task: Task,
     multipliers: Multipliers,
     copies: int | None = None,
+    stage: Stage = STAGES[-1],
 ) -> Trial:
-    """A trial after one more last stage; its steps and run time are those of all stages."""
-    more = search(trial.placement, limits, [task], copies, STAGES[-1:], multipliers)
+    """A trial after one more stage; its steps and run time are those of all stages."""
+    more = search(trial.placement, limits, [task], copies, [stage], multipliers)
     steps, seconds = more.steps + trial.steps, more.seconds + trial.seconds
     return more._replace(start=trial.start, steps=steps, seconds=seconds)
 
@@ -428,12 +439,12 @@ def search(
     terms: Evaluation | None = None
     steps = 0
     for task, stage in zip(tasks, STAGES if stages is None else stages, strict=True):
-        penalty = jnp.asarray(stage.penalty)
-        given = task, count, penalty, multipliers
+        penalties = stage.penalties
+        given = task, count, penalties, multipliers
         point, taken = _stage(point, (low, high), given)
         (_, reached), _ = lagrangian(point, *given)
         multipliers = {
-            name: jnp.maximum(multipliers[name] - penalty * level, 0.0)
+            name: jnp.maximum(multipliers[name] - penalties[name] * level, 0.0)
             for name, level in reached.inequalities.items()
         }
         terms, steps = reached, steps + int(taken)
@@ -447,7 +458,7 @@ def search(
 def _stage(
     point: Float[Array, " parameters"],
     bounds: tuple[Float[Array, " parameters"], Float[Array, " parameters"]],
-    given: tuple[Task, Int[Array, ""], Float[Array, ""], Multipliers],
+    given: tuple[Task, Int[Array, ""], Penalties, Multipliers],
 ) -> tuple[Float[Array, " parameters"], Int[Array, ""]]:
     """One stage: where it ends, inside the bounds, and its number of steps."""
 
@@ -484,7 +495,7 @@ def measured(placement: Placement, task: Task, copies: int | None = None) -> tup
     point = ravel_pytree(jax.tree.map(jnp.divide, placement, scale(task.finger)))[0]
     count = jnp.asarray(task.copies if copies is None else copies)
     none = no_multipliers(task)
-    (_, terms), _ = lagrangian(point, task, count, jnp.asarray(0.0), none)
+    (_, terms), _ = lagrangian(point, task, count, Stage(1.0, 0.0).penalties, none)
     return float(terms.value), _violation(terms)
 
 
@@ -504,7 +515,7 @@ def lagrangian(
     point: Float[Array, " parameters"],
     task: Task,
     copies: Int[Array, ""],
-    penalty: Float[Array, ""],
+    penalties: Penalties,
     multipliers: Multipliers,
 ) -> tuple[tuple[Float[Array, ""], Evaluation], Float[Array, " parameters"]]:
     """Augmented Lagrangian of `problem.terms_of`, the terms, and its slope.
@@ -526,7 +537,8 @@ def lagrangian(
         seen = look(build(point * units), task, number)
         own = jnp.minimum(number, plain - 1)
         unmet = sum(
-            _unmet(seen.levels[name], given[own], penalty) for name, given in of_pads.items()
+            _unmet(seen.levels[name], given[own], penalties[name])
+            for name, given in of_pads.items()
         )
         with_errors = number >= plain
         value = jnp.where(with_errors, 100 / copies, 100 / plain) * seen.missing
@@ -536,7 +548,8 @@ def lagrangian(
         point: Float[Array, " parameters"],
     ) -> tuple[Float[Array, ""], tuple[Float[Array, ""], Float[Array, " clearances"]]]:
         price, clearance = cost_and_clearance(build(point * units), task)
-        return price + _unmet(clearance, multipliers["clearance"], penalty), (price, clearance)
+        unmet = _unmet(clearance, multipliers["clearance"], penalties["clearance"])
+        return price + unmet, (price, clearance)
 
     def add(number: Int[Array, ""], so_far: Any) -> Any:
         total, value, levels, slope = so_far
