@@ -3,6 +3,7 @@
 import importlib.util
 from contextlib import nullcontext
 from types import SimpleNamespace
+from typing import Any
 from unittest.mock import Mock
 
 import numpy as np
@@ -103,11 +104,8 @@ def test_those_that_miss_least_get_advice(monkeypatch):
         del seed
         for number in range(count):
             numbers = dict.fromkeys(verdicts.BOUNDS, 1.0) | {"mirrors": float(number % 2)}
-            yield (
-                verdicts.Drawn(numbers, None, "refused")
-                if number == 5
-                else verdicts.Drawn(numbers, number)
-            )
+            spec: Any = None if number == 5 else number
+            yield verdicts.Drawn(numbers, spec, "refused")
 
     def advise(spec, designer):
         assert isinstance(designer, Drawing)
