@@ -1,6 +1,7 @@
 """Verdicts on drawn fingers: what is drawn, what contradicts a verdict, and who gets advice."""
 
 import importlib.util
+import math
 from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any
@@ -49,10 +50,17 @@ def test_what_is_drawn_lies_within_bounds_and_covers_them():
 
 @pytest.mark.parametrize(
     ("own", "other", "same"),
-    [(0.52, 0.5199, True), (0.2, 0.3, True), (0.6, 0.7, True), (0.52, 0.45, False)],
+    [
+        (0.52, 0.5199, True),
+        (0.6, 0.7, False),
+        (0.01, -0.2, False),
+        (-0.1, -0.5, True),
+        (math.inf, math.inf, True),
+        (math.inf, 1.0, False),
+    ],
 )
-def test_verdicts_are_the_same_on_either_side_of_what_is_asked(own, other, same):
-    assert verdicts.same_verdict(own, other, 0.5) == same
+def test_distances_are_the_same_or_both_overlaps(own, other, same):
+    assert verdicts.same_distance(own, other) == same
 
 
 @pytest.mark.skipif(
@@ -63,6 +71,7 @@ def test_verdicts_are_the_same_on_either_side_of_what_is_asked(own, other, same)
     [
         ({}, "yes"),
         ({"links": 0.4}, "no"),
+        ({"pin": 3.1}, "no"),
         ({"assembles": False}, "no"),
         ({"optics": 0.9}, "no"),
         ({"seen": 0.9}, "no"),
@@ -73,6 +82,7 @@ def test_polygons_and_rays_contradict_a_false_verdict(monkeypatch, said, agree):
     finger, spec = packaged_finger(), FingerVerdictsSpec(steps=7, postures=1)
     links = said.get("links", 0.52)
     checks = [Check(name_of(one), 0.5, links, "mm") for one in find_free_meetings(finger)]
+    checks.append(Check("pin E inside the dorsal face", 3.2, said.get("pin", 3.22), "mm"))
     linkage = SimpleNamespace(assembles=said.get("assembles", True), checks=checks)
     worst = SimpleNamespace(coverage=[SimpleNamespace(pip_deg=90.0, dip_deg=45.0)])
     found = Mock(spec=FingerDesign, finger=finger, linkage=Mock(verdict=linkage), mirrors=Mock())
@@ -86,7 +96,7 @@ def test_polygons_and_rays_contradict_a_false_verdict(monkeypatch, said, agree):
     assert judged["agree"] == agree
     assert judged["polygons_mm"] == pytest.approx(0.52, abs=0.01)
     assert judged["optics_polygons_mm"] >= 1.0
-    assert judged["links_mm"] == links
+    assert judged["links_mm"] == pytest.approx(min(links, said.get("pin", 3.22) - 2.7))
 
 
 def test_those_that_miss_least_get_advice(monkeypatch):

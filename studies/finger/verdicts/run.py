@@ -51,6 +51,9 @@ BOUNDS = {
 CARRIERS = ("distal", "proximal", "distal")
 """Phalanges of the mirrors; a finger with fewer has the first ones."""
 
+INSIDE = " inside the "
+"""In the names of requirements that keep pins from faces and ends."""
+
 WITHIN_MM, WITHIN = 1e-3, 1e-3
 """By how much polygons (mm) and rays (parts of a pad) may differ from the verdict."""
 
@@ -169,9 +172,9 @@ def judge(
     """What polygons and traced rays find in a finger, beside the verdict.
 
     Returns:
-        Least distance of bars from all that they can meet, by the verdict and by polygons, mm; that
-        of mirrors with their mounts, likewise; least coverage by the verdict, and the largest
-        difference of the rays' coverage from the library's; and whether they agree.
+        Least distance of bars from all that they can meet and from the outline, by the verdict and
+        by polygons, mm; that of mirrors with their mounts, likewise; least coverage by the verdict,
+        and the largest difference of the rays' coverage from the library's; and whether they agree.
     """
     finger, verdict = found.finger, found.linkage.verdict
     with tempfile.TemporaryDirectory() as folder:
@@ -182,7 +185,11 @@ def judge(
         off = float(np.max(np.abs(traced_coverage(path, degrees) - coverage_of(finger, degrees))))
     meetings = [*find_free_meetings(finger), *find_face_meetings(finger)]
     names = {name_of(one) for one in meetings}
-    links = min(check.achieved for check in verdict.checks if check.name in names)
+    # To faces and ends it is asked from pins, by half a bar's width and the shell more.
+    links = drawn.linkage.limits.clearance + min(
+        check.slack for check in verdict.checks if check.name in names or INSIDE in check.name
+    )
+    bars = min(polygons.bars_apart, polygons.bars_inside)
     mirrors = [one.achieved for one in clearance_checks(finger, 0.0)[:-1]]
     optics = min(mirrors, default=math.inf)
     others = [
@@ -196,11 +203,11 @@ def judge(
     by_polygons = min(others, default=math.inf)
     agree = verdict.assembles == bool(np.all(polygons.assembled)) and off < WITHIN
     if verdict.assembles:
-        agree &= same_verdict(links, polygons.bars_apart, drawn.linkage.limits.clearance)
-    agree &= same_verdict(optics, by_polygons, drawn.mirrors.room.clearance)
+        agree &= same_distance(links, bars)
+    agree &= same_distance(optics, by_polygons)
     return {
         "links_mm": links,
-        "polygons_mm": polygons.bars_apart,
+        "polygons_mm": bars,
         "optics_mm": optics,
         "optics_polygons_mm": by_polygons,
         "coverage": found.mirrors.verdict.worst_coverage,
@@ -209,9 +216,9 @@ def judge(
     }
 
 
-def same_verdict(own: float, other: float, asked: float) -> bool:
-    """Whether two distances are the same, or are both enough or both too little, mm."""
-    return abs(own - other) < WITHIN_MM or (own >= asked) == (other >= asked)
+def same_distance(own: float, other: float) -> bool:
+    """Whether two distances are the same, mm; of overlaps each measures something else."""
+    return own == other or abs(own - other) < WITHIN_MM or max(own, other) < 0
 
 
 def checked_postures(found: FingerDesign, count: int, seed: int) -> Float[np.ndarray, "poses 2"]:
