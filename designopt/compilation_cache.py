@@ -86,8 +86,8 @@ def forget_programs_if_many() -> None:
 
     Each program maps memory several times. Beyond Linux' bound on mappings nothing can be compiled
     any more, and the process ends with "Cannot allocate memory". Between tasks that compile
-    programs of their own this leaves half of the bound for the next one. What is
-    forgotten is traced again, and loaded where programs are kept.
+    programs of their own this leaves half of the bound for the next one. What is forgotten is
+    traced again, and loaded where programs are kept.
     """
     try:
         bound = int(MOST_MAPPINGS.read_text())

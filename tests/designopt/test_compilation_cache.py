@@ -303,9 +303,11 @@ def test_programs_are_forgotten_before_a_process_may_map_no_more(
 
 
 def test_without_a_bound_on_mappings_nothing_is_forgotten(tmp_path, monkeypatch):
-    monkeypatch.setattr(jax, "clear_caches", lambda: pytest.fail("forgotten"))
+    cleared = []
+    monkeypatch.setattr(jax, "clear_caches", lambda: cleared.append(True))
     monkeypatch.setattr("designopt.compilation_cache.MOST_MAPPINGS", tmp_path / "none")
     forget_programs_if_many()
+    assert not cleared
 
 
 MAPPING = """

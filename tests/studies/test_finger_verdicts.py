@@ -67,7 +67,7 @@ def test_distances_are_the_same_or_both_overlaps(own, other, same):
     importlib.util.find_spec("mitsuba") is None, reason="needs the extra 'judge' (Mitsuba)"
 )
 @pytest.mark.parametrize(
-    ("said", "agree"),
+    ("false", "agree"),
     [
         ({}, "yes"),
         ({"links": 0.4}, "no"),
@@ -77,26 +77,26 @@ def test_distances_are_the_same_or_both_overlaps(own, other, same):
         ({"seen": 0.9}, "no"),
     ],
 )
-def test_polygons_and_rays_contradict_a_false_verdict(monkeypatch, said, agree):
+def test_polygons_and_rays_contradict_a_false_verdict(monkeypatch, false, agree):
     """The packaged finger keeps 0.52 mm between bars, 1.4 mm at mirrors, and shows everything."""
     finger, spec = packaged_finger(), FingerVerdictsSpec(steps=7, postures=1)
-    links = said.get("links", 0.52)
+    links = false.get("links", 0.52)
     checks = [Check(name_of(one), 0.5, links, "mm") for one in find_free_meetings(finger)]
-    checks.append(Check("pin E inside the dorsal face", 3.2, said.get("pin", 3.22), "mm"))
-    linkage = SimpleNamespace(assembles=said.get("assembles", True), checks=checks)
+    checks.append(Check("pin E inside the dorsal face", 3.2, false.get("pin", 3.22), "mm"))
+    linkage = SimpleNamespace(assembles=false.get("assembles", True), checks=checks)
     worst = SimpleNamespace(coverage=[SimpleNamespace(pip_deg=90.0, dip_deg=45.0)])
     found = Mock(spec=FingerDesign, finger=finger, linkage=Mock(verdict=linkage), mirrors=Mock())
     found.mirrors.verdict = SimpleNamespace(worst=worst, worst_coverage=1.0)
-    if "seen" in said:
+    if "seen" in false:
         monkeypatch.setattr(verdicts, "coverage_of", lambda _, poses: np.full((len(poses), 3), 0.9))
-    if "optics" in said:
-        room = [Check("mirror", 0.0, said["optics"], "mm")] * 2
+    if "optics" in false:
+        room = [Check("mirror", 0.0, false["optics"], "mm")] * 2
         monkeypatch.setattr(verdicts, "clearance_checks", lambda *_: room)
     judged = verdicts.judge(FingerSpec(), found, spec, 0)
     assert judged["agree"] == agree
     assert judged["polygons_mm"] == pytest.approx(0.52, abs=0.01)
     assert judged["optics_polygons_mm"] >= 1.0
-    assert judged["links_mm"] == pytest.approx(min(links, said.get("pin", 3.22) - 2.7))
+    assert judged["links_mm"] == pytest.approx(min(links, false.get("pin", 3.22) - 2.7))
 
 
 def test_those_that_miss_least_get_advice(monkeypatch):

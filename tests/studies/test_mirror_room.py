@@ -348,8 +348,8 @@ def test_what_gives_way_is_what_is_seen_not_the_room(monkeypatch, rounds, left):
     first = Trial(free_part(poor), free_part(poor), 0.0, 0.0, 1, 1.0, held)
     given = []
 
-    def search(start, *_):
-        given.append(_[-1])
+    def search(start, *others):
+        given.append(others[-1])
         return first._replace(start=start)
 
     rooms = [0.8, 0.9, 1.0]

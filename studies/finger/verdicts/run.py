@@ -106,7 +106,7 @@ def run(spec: FingerVerdictsSpec, context: Context) -> Results:
             rows.add(**row, verdict="refused", missed=drawn.refusal, **nothing_judged())
             continue
         forget_programs_if_many()
-        with context.step(f"Finger {number + 1} of {spec.fingers}"):
+        with context.step(f"Finger {number}"):
             # One for each, so that no linkage keeps the parts apart that another one needs.
             designer = Designer(context)
             found = designer.finger(drawn.spec)

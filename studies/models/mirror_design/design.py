@@ -74,7 +74,7 @@ class Stage(NamedTuple):
     room: float = 1.0
 
     @property
-    def penalties(self) -> dict[str, Array]:
+    def penalties(self) -> Penalties:
         """On every inequality, by name."""
         own = {"coverage": 1.0, "resolution": 1.0, "clearance": self.room}
         return {name: jnp.asarray(self.penalty * times) for name, times in own.items()}
