@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 import warnings
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
@@ -34,7 +35,10 @@ NAMED = re.compile(rf"[0-9a-f]{{64}}{PROGRAM}|tmp\w{{8}}{PARTIAL}")
 MAPPINGS, MOST_MAPPINGS = Path("/proc/self/maps"), Path("/proc/sys/vm/max_map_count")
 """Of this process, one a line, and how many it may have."""
 FULL = 0.5
-"""Part of the mappings from which on programs are forgotten: a finger's design takes 0.45."""
+"""Part of the mappings from which on programs are forgotten: a finger's design takes 30,000 of
+Linux' usual 65,530."""
+_FORGETTING: list[Callable[[], object]] = []
+"""What lets go of programs that JAX does not keep itself."""
 ABANDONED = 3600.0
 """Seconds after which a file that is still being written belongs to no process any more."""
 
@@ -91,14 +95,25 @@ def forget_programs_if_many() -> None:
     """
     try:
         bound = int(MOST_MAPPINGS.read_text())
-        with MAPPINGS.open() as lines:
+        with MAPPINGS.open("rb") as lines:  # names of files may be of any bytes
             count = sum(1 for _ in lines)
     except OSError:
         return  # another system, which has no such bound
     if count > FULL * bound:
         import jax
 
+        for forget in _FORGETTING:
+            forget()
         jax.clear_caches()
+
+
+def forget_with_programs(forget: Callable[[], object]) -> None:
+    """Have a function called wherever `forget_programs_if_many` forgets.
+
+    Args:
+        forget: lets go of programs that were compiled ahead, which are JAX's no more.
+    """
+    _FORGETTING.append(forget)
 
 
 def _user_folder() -> Path | None:

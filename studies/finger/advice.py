@@ -98,7 +98,6 @@ def advise(spec: FingerSpec, designer: Designer) -> list[Advice]:
         name = lever.setting
         if not isinstance(value_of(spec, name), float):
             continue  # as of the field of view of a lens that is sold
-        forget_programs_if_many()
         if (steps := _smallest(spec, lever, designer)) is not None:
             needed, half = changed(spec, lever, steps), changed(spec, lever, steps / 2)
             assert needed is not None  # as it was designed
@@ -116,10 +115,12 @@ def _smallest(spec: FingerSpec, lever: Lever, designer: Designer) -> float | Non
 
     def near(steps: int) -> bool:
         """Whether a design near the one that was found meets everything."""
+        forget_programs_if_many()
         other = changed(spec, lever, steps)
         return other is not None and designer.meets_near(other, spec)
 
     def met(steps: float) -> bool:
+        forget_programs_if_many()
         other = changed(spec, lever, steps)
         return other is not None and not designer.missed(other)
 

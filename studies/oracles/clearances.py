@@ -249,8 +249,8 @@ def middle_parts(tables: dict[str, Any]) -> dict[str, tuple[str, Pieces]]:
         mount = mirror.get("mount", MOUNT) * behind / abs(behind)
         corners = [start, end, end + mount, start + mount]
         number = sum(phalanx == mirror["phalanx"] for phalanx, _ in mirrors.values()) + 1
-        name = f"{mirror['phalanx']} mirror" + (f" {number}" if number > 1 else "")
-        mirrors[name] = mirror["phalanx"], [corners]
+        name = mirror["phalanx"] + (f" {number}" if number > 1 else "")
+        mirrors[f"{name} mirror"] = mirror["phalanx"], [corners]
     pads = pad_pieces(body, tables.get("pads", {}))
     parts |= mirrors
     return parts | {f"{phalanx} pad": (phalanx, pieces) for phalanx, pieces in pads.items()}

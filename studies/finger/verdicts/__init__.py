@@ -21,9 +21,6 @@ class FingerVerdictsSpec(Spec):
     postures: int = setting(
         40, "random postures that rays check, besides the worst ones", free=True, ge=1, le=10_000
     )
-    steps: int = setting(
-        91, "angles of each joint at which polygons are measured", free=True, ge=2, le=361
-    )
 
 
 STUDY = Study(

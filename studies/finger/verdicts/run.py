@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -31,9 +30,11 @@ from studies.models.linkage_design.clearances import (
     find_free_meetings,
     name_of,
 )
+from studies.models.linkage_design.judging import STEP_DEG
+from studies.models.linkage_design.problem import grids
 from studies.models.mirror_design.clearances import clearance_checks
 from studies.models.path_tracer import require_mitsuba
-from studies.oracles.clearances import polygon_clearances
+from studies.oracles.clearances import PolygonClearances, polygon_clearances
 from studies.oracles.traced_coverage import traced_coverage
 
 BOUNDS = {
@@ -51,8 +52,8 @@ BOUNDS = {
 CARRIERS = ("distal", "proximal", "distal")
 """Phalanges of the mirrors; a finger with fewer has the first ones."""
 
-INSIDE = " inside the "
-"""In the names of requirements that keep pins from faces and ends."""
+INSIDE, FROM = " inside the ", " from "
+"""In the names of requirements that keep pins from faces and ends, and parts from each other."""
 
 WITHIN_MM, WITHIN = 1e-3, 1e-3
 """By how much polygons (mm) and rays (parts of a pad) may differ from the verdict."""
@@ -103,7 +104,9 @@ def run(spec: FingerVerdictsSpec, context: Context) -> Results:
     for number, drawn in sorted(fingers, key=lambda one: one[1].numbers["mirrors"]):
         row: dict[str, Any] = {"finger": number} | drawn.numbers
         if drawn.spec is None:
-            rows.add(**row, verdict="refused", missed=drawn.refusal, **nothing_judged())
+            rows.add(
+                **row, verdict="refused", missed=drawn.refusal, **columns(NOTHING, NOTHING, NOTHING)
+            )
             continue
         forget_programs_if_many()
         with context.step(f"Finger {number}"):
@@ -114,7 +117,7 @@ def run(spec: FingerVerdictsSpec, context: Context) -> Results:
             with context.step("Polygons and rays"):
                 judged = judge(drawn.spec, found, spec, context.seed)
         verdict = "missed" if missed else "met"
-        rows.add(**row, verdict=verdict, missed="; ".join(missed), **judged)
+        rows.add(**row, verdict=verdict, missed="; ".join(missed), **columns(*judged))
         if missed:
             unmet.append(Unmet(number, missed, drawn.spec, designer))
     out.table("fingers", rows)
@@ -160,65 +163,151 @@ def draw(count: int, seed: int) -> Iterator[Drawn]:
             yield Drawn(numbers, spec)
 
 
-def nothing_judged() -> dict[str, Any]:
-    """The columns of `judge` where no finger was designed."""
-    numbers = ("links_mm", "polygons_mm", "optics_mm", "optics_polygons_mm", "coverage", "off")
-    return dict.fromkeys(numbers, float("nan")) | {"agree": "yes"}
+class Compared(NamedTuple):
+    """A verdict beside what another way finds.
+
+    Attributes:
+        own: what the verdict rests on.
+        other: the same by polygons or by rays.
+        agree: whether they agree in all that can be compared.
+    """
+
+    own: float
+    other: float
+    agree: bool
+
+
+NOTHING = Compared(float("nan"), float("nan"), agree=True)
+"""Where there is nothing to compare."""
 
 
 def judge(
     drawn: FingerSpec, found: FingerDesign, spec: FingerVerdictsSpec, seed: int
-) -> dict[str, Any]:
-    """What polygons and traced rays find in a finger, beside the verdict.
+) -> tuple[Compared, Compared, Compared]:
+    """The verdict on a finger beside polygons and traced rays, which have nothing but its file.
 
     Returns:
-        Least distance of bars from all that they can meet and from the outline, by the verdict and
-        by polygons, mm; that of mirrors with their mounts, likewise; least coverage by the verdict,
-        and the largest difference of the rays' coverage from the library's; and whether they agree.
+        Least distances of bars, see `compare_bars`, and of mirrors, see `compare_mirrors`, mm; and
+        least coverage, see `compare_coverage`.
     """
-    finger, verdict = found.finger, found.linkage.verdict
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "finger.toml"
-        write_finger(finger, path)
-        polygons = polygon_clearances(path, spec.steps)
+        write_finger(found.finger, path)
+        # In the postures of the verdict, for the least distance of bars that pass each other lies
+        # between them.
+        pip, dip = (np.rad2deg(angles) for angles in grids(found.finger.body, STEP_DEG))
+        polygons = polygon_clearances(path, degrees=(pip, dip))
         degrees = checked_postures(found, spec.postures, seed)
-        off = float(np.max(np.abs(traced_coverage(path, degrees) - coverage_of(finger, degrees))))
-    meetings = [*find_free_meetings(finger), *find_face_meetings(finger)]
-    names = {name_of(one) for one in meetings}
+        rays = traced_coverage(path, degrees)
+    bars, mirrors = compare_bars(drawn, found, polygons), compare_mirrors(drawn, found, polygons)
+    return bars, mirrors, compare_coverage(found, degrees, rays)
+
+
+def compare_bars(drawn: FingerSpec, found: FingerDesign, polygons: PolygonClearances) -> Compared:
+    """Least distance of bars from all that they can meet and from the outline, mm.
+
+    They agree if the linkage assembles in the same postures and every part keeps the same distance,
+    to the outline, from which the verdict's is a bound, no more; and if polygons find room enough
+    where the verdict has it. NaN where the linkage does not assemble in every posture.
+    """
+    finger, verdict = found.finger, found.linkage.verdict
+    if not verdict.assembles:
+        return NOTHING._replace(agree=not np.all(polygons.assembled))
+    names = {name_of(one) for one in find_free_meetings(finger) + find_face_meetings(finger)}
+    meetings = [check for check in verdict.checks if check.name in names]
     # To faces and ends it is asked from pins, by half a bar's width and the shell more.
-    links = drawn.linkage.limits.clearance + min(
-        check.slack for check in verdict.checks if check.name in names or INSIDE in check.name
-    )
-    bars = min(polygons.bars_apart, polygons.bars_inside)
-    mirrors = [one.achieved for one in clearance_checks(finger, 0.0)[:-1]]
-    optics = min(mirrors, default=math.inf)
-    others = [
-        float(np.min(each)) for pair, each in polygons.apart.items() if "mirror" in " ".join(pair)
-    ]
+    asked = drawn.linkage.limits.clearance
+    edge = asked + min(check.slack for check in verdict.checks if INSIDE in check.name)
+    own = min(edge, *(one.achieved for one in meetings))
+    other = min(polygons.bars_apart, polygons.bars_inside)
+    agree = [same_distance(one.achieved, between(polygons, one.name)) for one in meetings]
+    agree += [no_more(edge, polygons.bars_inside), same_side(own, other, asked)]
+    return Compared(own, other, bool(np.all(polygons.assembled)) and all(agree))
+
+
+def compare_mirrors(
+    drawn: FingerSpec, found: FingerDesign, polygons: PolygonClearances
+) -> Compared:
+    """Least distance of mirrors with their mounts from all else, mm; NaN without mirrors.
+
+    They agree as those of bars do, and if the camera keeps as much from the wall of the back.
+    """
+    *checks, camera = clearance_checks(found.finger, drawn.mirrors.room.clearance)
+    agree = [no_more(camera.achieved, float(np.min(polygons.inside["camera"])))]
+    if not checks:
+        return NOTHING._replace(agree=all(agree))
+    apart = [one for one in checks if FROM in one.name]
+    edge = min(one.achieved for one in checks if FROM not in one.name)
+    agree += [same_distance(one.achieved, between(polygons, one.name)) for one in apart]
     # The polygons' faces are the inner sides of the shell.
     shell = drawn.linkage.links.shell
-    others += [
-        float(np.min(each)) + shell for part, each in polygons.inside.items() if "mirror" in part
-    ]
-    by_polygons = min(others, default=math.inf)
-    agree = verdict.assembles == bool(np.all(polygons.assembled)) and off < WITHIN
-    if verdict.assembles:
-        agree &= same_distance(links, bars)
-    agree &= same_distance(optics, by_polygons)
-    return {
-        "links_mm": links,
-        "polygons_mm": bars,
-        "optics_mm": optics,
-        "optics_polygons_mm": by_polygons,
-        "coverage": found.mirrors.verdict.worst_coverage,
-        "off": off,
-        "agree": "yes" if agree else "no",
-    }
+    names = [f"{name} mirror" for name in found.finger.mirror_names]
+    faces = min(float(np.min(polygons.inside[name])) for name in names) + shell
+    parts = min(
+        float(np.min(each))
+        for pair, each in polygons.apart.items()
+        if not {*names}.isdisjoint(pair)
+    )
+    own, other = min(one.achieved for one in checks), min(faces, parts)
+    agree += [no_more(edge, faces), same_side(own, other, drawn.mirrors.room.clearance)]
+    return Compared(own, other, all(agree))
+
+
+def compare_coverage(
+    found: FingerDesign,
+    degrees: Float[np.ndarray, "poses 2"],
+    rays: Float[np.ndarray, "poses pads"],
+) -> Compared:
+    """Least coverage of any pad.
+
+    They agree if rays find the verdict's, and in every posture what the library computes.
+
+    Args:
+        found: the finger.
+        degrees: PIP and DIP, among them those in which the least is seen.
+        rays: what these find there.
+    """
+    own, other = found.mirrors.verdict.worst_coverage, float(np.min(rays))
+    off = float(np.max(np.abs(rays - coverage_of(found.finger, degrees))))
+    return Compared(own, other, off < WITHIN and abs(own - other) < WITHIN)
+
+
+def between(polygons: PolygonClearances, name: str) -> float:
+    """Least distance of the two parts that a line is named for, by polygons, mm."""
+    one, other = name.split(FROM)
+    other = other.removeprefix("the ").removeprefix("pin ")
+    other = {"PIP axle": "A", "DIP axle": "B"}.get(other, other)
+    pair = (one, other) if (one, other) in polygons.apart else (other, one)
+    return float(np.min(polygons.apart[pair]))
 
 
 def same_distance(own: float, other: float) -> bool:
     """Whether two distances are the same, mm; of overlaps each measures something else."""
-    return own == other or abs(own - other) < WITHIN_MM or max(own, other) < 0
+    return abs(own - other) < WITHIN_MM or max(own, other) < 0
+
+
+def no_more(own: float, other: float) -> bool:
+    """Whether a lower bound of a distance is one, mm."""
+    return own < other + WITHIN_MM
+
+
+def same_side(own: float, other: float, asked: float) -> bool:
+    """Whether two distances are both enough or both too little, mm."""
+    return abs(own - other) < WITHIN_MM or (own >= asked) == (other >= asked)
+
+
+def columns(bars: Compared, mirrors: Compared, coverage: Compared) -> dict[str, Any]:
+    """Those of the table that compare."""
+    agree = bars.agree and mirrors.agree and coverage.agree
+    return {
+        "bars_mm": bars.own,
+        "bars_polygons_mm": bars.other,
+        "mirrors_mm": mirrors.own,
+        "mirrors_polygons_mm": mirrors.other,
+        "coverage": coverage.own,
+        "coverage_by_rays": coverage.other,
+        "agree": "yes" if agree else "no",
+    }
 
 
 def checked_postures(found: FingerDesign, count: int, seed: int) -> Float[np.ndarray, "poses 2"]:

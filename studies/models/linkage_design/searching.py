@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from designopt.compilation_cache import forget_with_programs
 from designopt.optimize import (
     Active,
     EpigraphVariables,
@@ -112,8 +113,8 @@ class Search:
     def shortfall(self) -> Optimum | None:
         """What is missing at least, over the last round's postures; see `make_elastic`.
 
-        ``None`` where the requirements are met. It takes as long as the search, and is solved when
-        it is first asked for.
+        ``None`` where the requirements are met. It takes longer than the search, and is solved
+        when it is first asked for.
         """
         last = self.rounds[-1]
         return _shortfall(last, self.starts) if last.optima.best.violation > NEARLY else None
@@ -376,6 +377,7 @@ def _worst_postures(
 
 _MINIMIZERS: dict[Any, Minimizer] = {}
 """Those that are compiled, by all that they are compiled for."""
+forget_with_programs(_MINIMIZERS.clear)
 
 
 def minimizer(problem: Problem, count: int, method: Method) -> Minimizer:

@@ -8,7 +8,6 @@ that distances are exact (`kinematics.solve.clearance`). The back of the finger 
 
 from __future__ import annotations
 
-import math
 from functools import partial
 from itertools import combinations
 
@@ -20,18 +19,22 @@ from designopt.numerics import safe_sqrt
 from kinematics.solve.clearance import find_separation
 from studies.models.checks import Check
 from studies.models.finger import PHALANGES, Finger, FingerMirror
+from studies.models.linkage_design.judging import STEP_DEG
+from studies.models.linkage_design.problem import grids
 
-ANGLES = 19
-"""Angles of each joint at which the search looks: 5° apart over 90°."""
+ANGLES = (19, 19)
+"""Angles of PIP and of DIP at which the search looks: 5° apart over 90°."""
 
 
 @partial(jax.jit, static_argnames="angles")
-def find_clearances(finger: Finger, angles: int = ANGLES) -> dict[str, Float[Array, ""]]:
+def find_clearances(
+    finger: Finger, angles: tuple[int, int] = ANGLES
+) -> dict[str, Float[Array, ""]]:
     """Least clearance of every mirror with its mount, mm; negative where it runs into something.
 
     Args:
         finger: with a camera.
-        angles: how many of each joint, over its range.
+        angles: how many of PIP and of DIP, over their ranges.
 
     Returns:
         By what people read: from the faces of its phalanx and from the layers on its pad (from the
@@ -39,8 +42,8 @@ def find_clearances(finger: Finger, angles: int = ANGLES) -> dict[str, Float[Arr
         pad (from this pad, if it is bare), and from the other mirrors.
     """
     body, names = finger.body, finger.mirror_names
-    flexions = dict(zip(("proximal", "distal"), body.flexions, strict=True))
-    turns = {name: jnp.linspace(0.0, end, angles) for name, end in flexions.items()}
+    ends = zip(("proximal", "distal"), body.flexions, angles, strict=True)
+    turns = {name: jnp.linspace(0.0, end, count) for name, end, count in ends}
     top = body.palmar - body.protrusion
     if finger.layers is not None:
         top = top + jnp.sum(finger.layers.thickness)
@@ -133,7 +136,8 @@ def clearance_checks(finger: Finger, clearance: float) -> tuple[Check, ...]:
 
     The camera's body only has to be inside the wall of the back.
     """
-    angles = math.ceil(finger.body.range_deg) + 1
+    pip, dip = grids(finger.body, STEP_DEG)
+    angles = len(pip), len(dip)
     found = {name: float(least) for name, least in find_clearances(finger, angles).items()}
     inside = Check("camera inside the wall of the back", 0.0, float(dorsal_room(finger)))
     return (*(Check(name, clearance, least) for name, least in found.items()), inside)

@@ -55,8 +55,10 @@ from studies.models.mirror_design.spec import MirrorSpec
 from studies.models.mirror_design.yields import coverages, monte_carlo, postures
 
 Multipliers = dict[str, Float[Array, "..."]]
+"""Of every inequality, by name: ``coverage``, ``resolution`` and ``clearance``."""
+
 Penalties = dict[str, Float[Array, ""]]
-"""Of the inequalities, by name: ``coverage``, ``resolution`` and ``clearance``."""
+"""On the squares of violations, by the same names."""
 
 
 class Stage(NamedTuple):
@@ -66,7 +68,7 @@ class Stage(NamedTuple):
         growth: of the copies' errors, over those at the end.
         penalty: on the square of a violation; 0 leaves the inequalities out, for early ones would
             hold on to whatever glimpse is sharp.
-        room: times as large is that of a clearance.
+        room: factor on the penalty of clearances.
     """
 
     growth: float
@@ -162,7 +164,7 @@ class MirrorDesign:
 
     @property
     def task(self) -> Task:
-        """The last stage's; its errors are those that the search has seen."""
+        """The last stage's, as the search of every start has seen it."""
         return self.tasks[-1]
 
 
@@ -331,18 +333,18 @@ def _with_room(
     limits: tuple[Placement, Placement],
     spec: MirrorSpec,
 ) -> Trial:
-    """A trial that misses something searched on until it keeps all clearances, whatever it hides.
+    """A trial that runs into something, searched on until it keeps all clearances; else as it was.
 
     Where the inequalities contradict each other, their multipliers grow without end and what gives
     way depends on the scales. So here they begin anew, and only those of the clearances are kept
-    from round to round.
+    from round to round: whatever is hidden then.
     """
-    known = no_multipliers(task)
+    now, known = trial, no_multipliers(task)
     for _ in range(ROOM_ROUNDS):
-        trial = _searched_on(trial, limits, task, known, stage=ROOM)
-        if _is_clear(trial, poor, spec):
-            break
-        known = known | {"clearance": trial.multipliers["clearance"]}
+        now = _searched_on(now, limits, task, known, stage=ROOM)
+        if _is_clear(now, poor, spec):
+            return now
+        known = known | {"clearance": now.multipliers["clearance"]}
     return trial
 
 
