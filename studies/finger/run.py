@@ -66,7 +66,7 @@ def run(spec: FingerSpec, context: Context) -> Results:
     found = designer.finger(spec)
     lines = requirements(spec, found)
     add_metrics(out, found, lines)
-    add_findings(out, spec, found, lines)
+    add_findings(out, spec, found, lines, context)
     if spec.advice and len(lines.where(met="no")):
         with context.step("Advice"):
             add_advice(out, advise(spec, designer))
@@ -171,14 +171,18 @@ def add_metrics(out: Report, found: FingerDesign, lines: Records) -> None:
         )
 
 
-def add_findings(out: Report, spec: FingerSpec, found: FingerDesign, lines: Records) -> None:
+def add_findings(
+    out: Report, spec: FingerSpec, found: FingerDesign, lines: Records, context: Context
+) -> None:
     """What was found, most important first."""
     missed, search = lines.where(met="no"), found.linkage.search
     if len(missed):
         cells = (missed[name] for name in ("requirement", "required", "achieved"))
         words = map("{} ({} required, {} achieved)".format, *cells)
         out.say("missed", missed="; ".join(words))
-        if conflict := search.conflict():
+        with context.step("Requirements that conflict"):
+            conflict = search.conflict()
+        if conflict:
             out.say("conflict", conflict=", ".join(conflict))
     else:
         out.say("met")

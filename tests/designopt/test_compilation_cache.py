@@ -23,6 +23,7 @@ from designopt.compilation_cache import (
     VARIABLE,
     Store,
     forget_programs_if_many,
+    forget_with_programs,
     keep_programs,
 )
 from tests.commands import python
@@ -293,13 +294,16 @@ def test_an_option_switches_it_off(monkeypatch, capsys, line):
 def test_programs_are_forgotten_before_a_process_may_map_no_more(
     tmp_path, monkeypatch, count, forgotten
 ):
-    cleared = []
+    cleared, others = [], []
     monkeypatch.setattr(jax, "clear_caches", lambda: cleared.append(True))
-    for name, text in {"MAPPINGS": "a mapping\n" * count, "MOST_MAPPINGS": "100\n"}.items():
-        (tmp_path / name).write_text(text)
+    monkeypatch.setattr("designopt.compilation_cache._FORGETTING", [])
+    forget_with_programs(lambda: others.append(True))
+    # Names of files need not be text.
+    for name, text in {"MAPPINGS": b"a \xff mapping\n" * count, "MOST_MAPPINGS": b"100\n"}.items():
+        (tmp_path / name).write_bytes(text)
         monkeypatch.setattr(f"designopt.compilation_cache.{name}", tmp_path / name)
     forget_programs_if_many()
-    assert len(cleared) == forgotten
+    assert len(cleared) == len(others) == forgotten
 
 
 def test_without_a_bound_on_mappings_nothing_is_forgotten(tmp_path, monkeypatch):
@@ -318,9 +322,16 @@ from designopt import compilation_cache
 def count():
     return len(compilation_cache.MAPPINGS.read_text().splitlines())
 
+ahead = []
+compilation_cache.forget_with_programs(ahead.clear)
+
 def compile_some(offset):
     for number in range(20):
-        jax.jit(lambda x: jnp.sin(x) * (number + offset) + jnp.sort(x))(jnp.arange(8.0))
+        some = jax.jit(lambda x: jnp.sin(x) * (number + offset) + jnp.sort(x))
+        if number % 2:
+            some(jnp.arange(8.0))
+        else:
+            ahead.append(some.lower(jnp.arange(8.0)).compile())
     return count()
 
 compilation_cache.FULL = 0.0
@@ -332,7 +343,7 @@ print(begin, first, compile_some(0.5))
 
 @pytest.mark.skipif(not MAPPINGS.exists(), reason="Linux alone counts mappings")
 def test_forgotten_programs_leave_their_mappings_to_others():
-    """As the bound is on these, not on what JAX keeps."""
+    """As the bound is on these, not on what JAX keeps; those compiled ahead among them."""
     done = python("-c", MAPPING)
     assert (done.returncode, done.stderr) == (0, "")
     begin, first, second = map(int, done.stdout.split())

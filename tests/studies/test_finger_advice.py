@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from studies.finger import FingerSpec
+from studies.finger import FingerSpec, advice
 from studies.finger.advice import LEVERS, Lever, advise, changed, value_of
 from studies.finger.designing import Designer
 from studies.models.body import BodySpec
@@ -14,9 +14,10 @@ class Thresholds(Designer):
     """What designs fingers, for tests: every setting has a value from which on all is met."""
 
     def __init__(self, needed: dict[str, float], blind: float = 0.0):
-        self.needed, self.blind, self.runs = needed, blind, []
+        self.needed, self.blind, self.runs, self.designs = needed, blind, [], 0
 
     def met(self, spec: FingerSpec, late: float) -> bool:
+        self.designs += 1
         return any(
             math.copysign(1, lever.step) * (value_of(spec, lever.setting) - self.needed[name])
             >= late
@@ -63,6 +64,14 @@ def test_the_smallest_change_meets_everything_and_half_of_it_does_not(blind):
         assert one.fails == "coverage"
     assert thickness.words == f"body.thickness = {thickness.needed:g} mm instead of 25 mm"
     assert "°" in angle.words
+
+
+def test_programs_are_forgotten_before_each_design(monkeypatch):
+    asked, designer = [], Thresholds({"body.thickness": 28.2})
+    monkeypatch.setattr(advice, "forget_programs_if_many", lambda: asked.append(designer.designs))
+    assert advise(FingerSpec(), designer)
+    # But for why half of the change fails, which is known by then.
+    assert len(set(asked)) == len(asked) == designer.designs - 1
 
 
 def test_less_than_a_step_is_found_too():

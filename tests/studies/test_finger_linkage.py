@@ -5,6 +5,7 @@ import functools
 import math
 import tomllib
 from dataclasses import replace
+from unittest.mock import Mock
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +14,8 @@ import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
 
-from designopt.optimize import Evolution
+from designopt.compilation_cache import MAPPINGS, forget_programs_if_many
+from designopt.optimize import Evolution, Optimum, Starts
 from designopt.study.records import Records
 from designopt.study.report import Report
 from designopt.study.runner import run_study
@@ -21,7 +23,7 @@ from studies.finger_linkage.front import ELSEWHERE, PLAIN, add_front
 from studies.finger_linkage.solvers import add_comparison
 from studies.models.finger_file import write_finger
 from studies.models.link_layers import Links
-from studies.models.linkage_design import tables
+from studies.models.linkage_design import searching, tables
 from studies.models.linkage_design.analysis import layers_fit
 from studies.models.linkage_design.clearances import HOSTS
 from studies.models.linkage_design.figures import draw_sequences
@@ -405,6 +407,31 @@ def assert_meets_requirements(pins, thickness, ratio, least_deg):
         by_pip, by_dip = np.gradient(crank, flexion, flexion, edge_order=2)
         # Differences over a degree.
         assert (by_dip / by_pip).max() <= ratio + 1e-3
+
+
+@pytest.mark.parametrize(("missing", "solves"), [(1.0, 1), (0.0, 0)])
+def test_what_is_missing_is_solved_once_and_only_where_it_is_asked_for(
+    monkeypatch, missing, solves
+):
+    asked = []
+    monkeypatch.setattr(searching, "_shortfall", lambda *_: asked.append(1) or Mock(spec=Optimum))
+    last = Mock(spec=searching.Round, optima=Mock())
+    last.optima.best.violation = missing
+    found = searching.Search(finger_of(), Mock(spec=Starts), (last,), ())
+    assert not asked
+    assert (found.shortfall is None) == (solves == 0)
+    assert found.shortfall is found.shortfall
+    assert len(asked) == solves
+
+
+@pytest.mark.skipif(not MAPPINGS.exists(), reason="Linux alone counts mappings")
+def test_compiled_solvers_are_forgotten_with_all_programs(monkeypatch):
+    """Compiled ahead, they are not among those that JAX forgets."""
+    monkeypatch.setattr("designopt.compilation_cache.FULL", 0.0)
+    monkeypatch.setattr(jax, "clear_caches", lambda: None)
+    monkeypatch.setitem(searching._MINIMIZERS, "some", Mock())
+    forget_programs_if_many()
+    assert not searching._MINIMIZERS
 
 
 @pytest.mark.slow

@@ -1,8 +1,12 @@
 """Verdicts on drawn fingers: what is drawn, what contradicts a verdict, and who gets advice."""
 
+import functools
 import importlib.util
 import math
+import tempfile
 from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
@@ -17,9 +21,14 @@ from studies.finger.advice import Advice
 from studies.finger.designing import FingerDesign
 from studies.finger.verdicts import FingerVerdictsSpec
 from studies.finger.verdicts import run as verdicts
-from studies.models.checks import Check
-from studies.models.finger_file import packaged_finger
-from studies.models.linkage_design.clearances import find_free_meetings, name_of
+from studies.models.finger import Finger, pins_of
+from studies.models.finger_file import packaged_finger, write_finger
+from studies.models.linkage_design.judging import STEP_DEG
+from studies.models.linkage_design.judging import judged as judged_linkage
+from studies.models.linkage_design.problem import grids
+from studies.models.linkage_design.spec import LimitsSpec, MotorSpec
+from studies.models.mirror_design.clearances import clearance_checks
+from studies.oracles.clearances import PolygonClearances, polygon_clearances
 
 CONTEXT = Context(0, "float64", lambda _: nullcontext())
 
@@ -55,48 +64,161 @@ def test_what_is_drawn_lies_within_bounds_and_covers_them():
         (0.6, 0.7, False),
         (0.01, -0.2, False),
         (-0.1, -0.5, True),
-        (math.inf, math.inf, True),
-        (math.inf, 1.0, False),
     ],
 )
 def test_distances_are_the_same_or_both_overlaps(own, other, same):
     assert verdicts.same_distance(own, other) == same
 
 
+@pytest.mark.parametrize(("own", "bound", "side"), [(0.4, True, False), (0.6, True, True)])
+def test_a_bound_may_be_less_but_not_short_of_what_is_asked(own, bound, side):
+    assert verdicts.no_more(own, 0.7) == bound
+    assert not verdicts.no_more(0.7, own)
+    assert verdicts.same_side(own, 0.7, 0.5) == side
+    # But for rounding.
+    assert verdicts.same_side(0.4999, 0.5001, 0.5)
+    assert verdicts.no_more(0.5001, 0.5)
+
+
+@functools.cache
+def measured(*, stretched: bool = False) -> tuple[Finger, Any, PolygonClearances]:
+    """The packaged finger, its linkage judged, and polygons; or one that is straight in F-E-D."""
+    finger = packaged_finger()
+    pins = pins_of(finger)
+    if stretched:
+        middle = (np.asarray(pins.F) + np.asarray(pins.D)) / 2
+        finger = finger.with_pins(replace(pins, E=middle + np.array([0.0, 0.5])))
+    grid = (np.rad2deg(angles) for angles in grids(finger.body, STEP_DEG))
+    with tempfile.TemporaryDirectory() as folder:
+        write_finger(finger, path := Path(folder) / "finger.toml")
+        pip, dip = grid
+        polygons = polygon_clearances(path, degrees=(pip, dip))
+    return finger, judged_linkage(finger, LimitsSpec(), MotorSpec()), polygons
+
+
+def designed(finger: Finger, linkage: Any = None, coverage: float = 1.0) -> Any:
+    """A design with the verdicts that are compared."""
+    worst = SimpleNamespace(coverage=[SimpleNamespace(pip_deg=90.0, dip_deg=45.0)])
+    found = Mock(spec=FingerDesign, finger=finger, linkage=Mock(verdict=linkage), mirrors=Mock())
+    found.mirrors.verdict = SimpleNamespace(worst=worst, worst_coverage=coverage)
+    return found
+
+
+def with_lines(verdict: Any, changed: dict[str, float]) -> Any:
+    """The verdict with other numbers in some lines."""
+    lines = [replace(one, achieved=changed.get(one.name, one.achieved)) for one in verdict.checks]
+    return SimpleNamespace(assembles=verdict.assembles, checks=lines)
+
+
+@pytest.mark.parametrize(
+    ("changed", "agree"),
+    [
+        ({}, True),
+        # Neither of these two is the least.
+        ({"rod from the coupler": 1.06}, False),
+        ({"plate from the palmar face of the distal phalanx": 8.1}, False),
+        ({"pin F inside the palmar face": 3.225}, True),
+        ({"pin F inside the palmar face": 3.21}, True),
+        ({"pin F inside the palmar face": 3.19}, False),
+    ],
+)
+def test_polygons_contradict_a_false_verdict_on_bars(changed, agree):
+    """The packaged finger keeps 0.52 mm; its pins E, F and G 3.22 mm or little more from faces."""
+    finger, verdict, polygons = measured()
+    found = designed(finger, with_lines(verdict, changed))
+    compared = verdicts.compare_bars(FingerSpec(), found, polygons)
+    assert compared.agree == agree
+    assert compared.other == pytest.approx(0.52, abs=1e-6)
+    least = min(0.52, changed.get("pin F inside the palmar face", 3.22) - 2.7)
+    assert compared.own == pytest.approx(least, abs=1e-6)
+
+
+def test_no_pin_is_farther_from_all_faces_than_polygons_find():
+    finger, verdict, polygons = measured()
+    edges = {one.name: 4.0 for one in verdict.checks if verdicts.INSIDE in one.name}
+    found = designed(finger, with_lines(verdict, edges))
+    assert not verdicts.compare_bars(FingerSpec(), found, polygons).agree
+
+
+def test_polygons_contradict_postures_that_do_not_assemble():
+    finger, verdict, polygons = measured()
+    never = SimpleNamespace(assembles=False, checks=verdict.checks)
+    compared = verdicts.compare_bars(FingerSpec(), designed(finger, never), polygons)
+    assert not compared.agree
+    apart, other_verdict, other = measured(stretched=True)
+    assert not other_verdict.assembles
+    compared = verdicts.compare_bars(FingerSpec(), designed(apart, other_verdict), other)
+    assert compared.agree
+    assert math.isnan(compared.own)
+    assert math.isnan(compared.other)
+    always = SimpleNamespace(assembles=True, checks=verdict.checks)
+    assert not verdicts.compare_bars(FingerSpec(), designed(apart, always), other).agree
+
+
+@pytest.mark.parametrize(
+    ("changed", "agree"),
+    [
+        ({}, True),
+        ({"distal mirror from the camera": 3.9}, False),
+        ({"distal mirror from the proximal mirror": 9.0}, False),
+        ({"distal mirror inside the dorsal face": 0.9}, False),
+        ({"camera inside the wall of the back": 0.01}, False),
+    ],
+)
+def test_polygons_contradict_a_false_verdict_on_mirrors(monkeypatch, changed, agree):
+    finger, verdict, polygons = measured()
+    found = designed(finger, verdict)
+    lines = with_lines(
+        SimpleNamespace(assembles=True, checks=clearance_checks(finger, 1.0)), changed
+    )
+    names = {one.name for one in lines.checks}
+    monkeypatch.setattr(verdicts, "clearance_checks", lambda *_: lines.checks)
+    compared = verdicts.compare_mirrors(FingerSpec(), found, polygons)
+    assert names.issuperset(changed)
+    assert compared.agree == agree
+    assert compared.other >= 1.0
+
+
+def test_without_mirrors_only_the_camera_is_compared():
+    finger, verdict, polygons = measured()
+    found = designed(replace(finger, mirrors=()), verdict)
+    compared = verdicts.compare_mirrors(FingerSpec(), found, polygons)
+    assert compared.agree
+    assert math.isnan(compared.own)
+    assert math.isnan(compared.other)
+
+
+@pytest.mark.parametrize(
+    ("own", "library", "rays", "agree"),
+    [
+        (1.0, 1.0, 0.9999, True),
+        (0.7, 0.7, 0.7, True),
+        (1.0, 0.9, 0.9, False),
+        (1.0, 1.0, 0.9, False),
+        (0.9, 0.5, 0.9, False),
+    ],
+)
+def test_rays_contradict_a_false_verdict_on_what_is_seen(monkeypatch, own, library, rays, agree):
+    monkeypatch.setattr(verdicts, "coverage_of", lambda _, poses: np.full((len(poses), 3), library))
+    found = designed(packaged_finger(), coverage=own)
+    seen = np.full((4, 3), 1.0)
+    seen[2] = rays
+    if library == own == 0.7:
+        seen[:] = rays
+    compared = verdicts.compare_coverage(found, np.zeros((4, 2)), seen)
+    assert (compared.agree, compared.own, compared.other) == (agree, own, rays)
+
+
 @pytest.mark.skipif(
     importlib.util.find_spec("mitsuba") is None, reason="needs the extra 'judge' (Mitsuba)"
 )
-@pytest.mark.parametrize(
-    ("false", "agree"),
-    [
-        ({}, "yes"),
-        ({"links": 0.4}, "no"),
-        ({"pin": 3.1}, "no"),
-        ({"assembles": False}, "no"),
-        ({"optics": 0.9}, "no"),
-        ({"seen": 0.9}, "no"),
-    ],
-)
-def test_polygons_and_rays_contradict_a_false_verdict(monkeypatch, false, agree):
-    """The packaged finger keeps 0.52 mm between bars, 1.4 mm at mirrors, and shows everything."""
-    finger, spec = packaged_finger(), FingerVerdictsSpec(steps=7, postures=1)
-    links = false.get("links", 0.52)
-    checks = [Check(name_of(one), 0.5, links, "mm") for one in find_free_meetings(finger)]
-    checks.append(Check("pin E inside the dorsal face", 3.2, false.get("pin", 3.22), "mm"))
-    linkage = SimpleNamespace(assembles=false.get("assembles", True), checks=checks)
-    worst = SimpleNamespace(coverage=[SimpleNamespace(pip_deg=90.0, dip_deg=45.0)])
-    found = Mock(spec=FingerDesign, finger=finger, linkage=Mock(verdict=linkage), mirrors=Mock())
-    found.mirrors.verdict = SimpleNamespace(worst=worst, worst_coverage=1.0)
-    if "seen" in false:
-        monkeypatch.setattr(verdicts, "coverage_of", lambda _, poses: np.full((len(poses), 3), 0.9))
-    if "optics" in false:
-        room = [Check("mirror", 0.0, false["optics"], "mm")] * 2
-        monkeypatch.setattr(verdicts, "clearance_checks", lambda *_: room)
-    judged = verdicts.judge(FingerSpec(), found, spec, 0)
-    assert judged["agree"] == agree
-    assert judged["polygons_mm"] == pytest.approx(0.52, abs=0.01)
-    assert judged["optics_polygons_mm"] >= 1.0
-    assert judged["links_mm"] == pytest.approx(min(links, false.get("pin", 3.22) - 2.7))
+def test_a_finger_is_judged_from_its_file():
+    finger, verdict, _ = measured()
+    found = designed(finger, verdict)
+    both = verdicts.judge(FingerSpec(), found, FingerVerdictsSpec(postures=1), 0)
+    assert [one.agree for one in both] == [True] * 3
+    assert both[0].own == pytest.approx(0.52, abs=1e-6)
+    assert both[2].other == pytest.approx(1.0, abs=1e-4)
 
 
 def test_those_that_miss_least_get_advice(monkeypatch):
@@ -134,13 +256,20 @@ def test_those_that_miss_least_get_advice(monkeypatch):
     monkeypatch.setattr(verdicts, "advise", advise)
     monkeypatch.setattr(verdicts, "requirements", requirements)
     monkeypatch.setattr(verdicts, "require_mitsuba", lambda _: None)
+    forgotten = []
+    monkeypatch.setattr(verdicts, "forget_programs_if_many", lambda: forgotten.append(True))
     monkeypatch.setattr(
         verdicts,
         "judge",
-        lambda spec, *_: verdicts.nothing_judged() | {"agree": "no" if spec == 3 else "yes"},
+        lambda spec, *_: (
+            verdicts.NOTHING._replace(agree=spec != 3),
+            verdicts.NOTHING,
+            verdicts.NOTHING,
+        ),
     )
     results = verdicts.run(FingerVerdictsSpec(fingers=6, advised=2), CONTEXT)
     assert advised == [2, 4]
+    assert len(forgotten) == 5
     metrics = {one.name: one.value for one in results.metrics}
     assert metrics == {"contradicted": 1, "infeasible": 5, "helped": 1}
     tables = {one.name: one.rows for one in results.tables}

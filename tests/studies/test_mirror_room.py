@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any
 from unittest.mock import Mock
@@ -18,6 +19,7 @@ from jax.flatten_util import ravel_pytree
 from shapely.affinity import rotate, translate
 
 from designopt.study.records import Records
+from designopt.study.study import Context
 from optics import find_coverage, find_views
 from optics.scene.camera_module import CameraModule
 from optics.scene.writer import scene_tables
@@ -153,7 +155,7 @@ def test_clearances_are_those_of_polygons(shift):
     out = {"distal": np.array([shift]), "proximal": np.array([shift]) * [-1, 1]}
     moved = [replace(one, ends=one.ends + out[one.phalanx]) for one in made.mirrors]
     made = replace(made, mirrors=tuple(moved))
-    found = {name: float(value) for name, value in find_clearances(made, 91).items()}
+    found = {name: float(value) for name, value in find_clearances(made, (91, 91)).items()}
     tables = scene_tables(made.scene())
     sold = made.scene().camera
     assert sold.module is not None
@@ -306,7 +308,9 @@ def test_errors_that_hide_something_are_looked_at(monkeypatch, kept):
     hidden[3, [10, 20], 0], hidden[7, [40, 50], 2] = [0.1, 0.2], [0.5, 0.4]
     again = np.zeros_like(hidden)
     again[5, [60, 70], 1] = [0.3, 0.2]
-    answers, tasks = [1 - hidden, 1 - again, np.ones_like(hidden)], []
+    later = np.zeros_like(hidden)
+    later[11, [80, 90], 0], later[13, [5, 15], 1] = [0.9, 0.8], [0.6, 0.5]
+    answers, tasks = [1 - hidden, 1 - again, 1 - later, np.ones_like(hidden)], []
     first = Trial(free_part(poor), free_part(poor), 0.0, 0.0, 1, 0.0, no_multipliers(task))
 
     def search(start, limits, given, *_):
@@ -322,7 +326,7 @@ def test_errors_that_hide_something_are_looked_at(monkeypatch, kept):
     monkeypatch.setattr(designing, "clearance_checks", lambda *_: lines)
     found, _ = designing._with_failures((first, verdict), poor, task, (poor, poor), spec, 5)
     assert found.objective == (1.0 if kept else 0.0)
-    first_round, looked = tasks
+    first_round, looked, last = tasks
     assert_looks_alike(first_round, task, slice(task.plain + 2, None))
     # What failed in the first round is looked at in the second, too.
     errors = 1.2 * sample_errors(spec.tolerances, 2, designing.FAILURE_DRAWS, 5)[[7, 3, 5]]
@@ -331,6 +335,11 @@ def test_errors_that_hide_something_are_looked_at(monkeypatch, kept):
     postures = angles[[[40, 50], [20, 10], [60, 70]]]
     np.testing.assert_allclose(np.rad2deg(looked.angles[own]), postures)
     assert_looks_alike(looked, task, slice(task.plain + 3, None))
+    # With all places taken, the first ones are taken anew.
+    errors = 1.2 * sample_errors(spec.tolerances, 2, designing.FAILURE_DRAWS, 5)[[13, 3, 5, 11]]
+    np.testing.assert_allclose(last.errors[task.plain :], errors)
+    postures = angles[[[5, 15], [20, 10], [60, 70], [80, 90]]]
+    np.testing.assert_allclose(np.rad2deg(last.angles[task.plain :]), postures)
 
 
 def assert_looks_alike(task, other, looks):
@@ -338,9 +347,9 @@ def assert_looks_alike(task, other, looks):
     np.testing.assert_array_equal(task.angles[looks], other.angles[looks])
 
 
-@pytest.mark.parametrize(("rounds", "left"), [(5, 1.0), (2, 0.9)])
-def test_what_gives_way_is_what_is_seen_not_the_room(monkeypatch, rounds, left):
-    """Only the clearances' multipliers are kept from round to round, until these are kept."""
+@pytest.mark.parametrize(("rounds", "searched"), [(5, 3), (2, 2)])
+def test_what_gives_way_is_what_is_seen_not_the_room(monkeypatch, rounds, searched):
+    """Only the clearances' multipliers are kept from round to round; without room all is as was."""
     spec = MirrorSpec.model_validate({"search": {"copies": 2, "poses": 2}})
     poor = poor_layout(BARE, spec.camera)
     task = problem.Task.of(poor, spec, 0)
@@ -349,7 +358,9 @@ def test_what_gives_way_is_what_is_seen_not_the_room(monkeypatch, rounds, left):
     given = []
 
     def search(start, *others):
-        given.append(others[-1])
+        *_, stages, multipliers = others
+        assert stages == [designing.ROOM]
+        given.append(multipliers)
         return first._replace(start=start)
 
     rooms = [0.8, 0.9, 1.0]
@@ -359,7 +370,35 @@ def test_what_gives_way_is_what_is_seen_not_the_room(monkeypatch, rounds, left):
         designing, "clearance_checks", lambda *_: (Check("clearance", 1.0, rooms[len(given) - 1]),)
     )
     found = designing._with_room(first, poor, task, (poor, poor), spec)
-    assert rooms[len(given) - 1] == left
-    assert (found.steps, found.seconds) == (1 + len(given), 1.0 + len(given))
+    assert len(given) == searched
+    more = searched if rooms[searched - 1] == 1.0 else 0
+    assert (found.steps, found.seconds) == (1 + more, 1.0 + more)
     assert not any(np.any(one["coverage"]) or np.any(one["resolution"]) for one in given)
     assert [float(np.max(one["clearance"])) for one in given] == [0.0, *[1.0] * (len(given) - 1)]
+
+
+def test_the_room_counts_a_hundredfold():
+    usual, room = designing.STAGES[-1].penalties, designing.ROOM.penalties
+    assert float(room["clearance"]) == 100 * float(usual["clearance"])
+    assert float(room["coverage"]) == float(usual["coverage"])
+    assert float(room["resolution"]) == float(usual["resolution"])
+
+
+@pytest.mark.parametrize(("room", "moved"), [(0.9, True), (1.0, False)])
+def test_a_design_without_room_is_moved_and_judged_anew(monkeypatch, room, moved):
+    spec = MirrorSpec.model_validate({"search": {"copies": 2, "poses": 2}})
+    place = free_part(poor_layout(BARE, spec.camera))
+    zero = no_multipliers(problem.Task.of(poor_layout(BARE, spec.camera), spec, 0))
+    trial = Trial(place, place, 0.0, 0.0, 1, 0.0, zero)
+    before, after = Mock(spec=Verdict), Mock(spec=Verdict)
+    before.meets.return_value = after.meets.return_value = False
+    monkeypatch.setattr(designing, "search", lambda *_: trial)
+    monkeypatch.setattr(designing, "judged", lambda *_, everywhere=True: after)
+    monkeypatch.setattr(designing, "_with_worst", lambda *_: (trial, before))
+    monkeypatch.setattr(designing, "_with_room", lambda *_: trial._replace(objective=7.0))
+    monkeypatch.setattr(designing, "clearance_checks", lambda *_: (Check("clearance", 1.0, room),))
+    after.worst = None
+    context = Context(0, "float64", lambda _: nullcontext())
+    found = designing.design_mirrors(BARE, spec, context, [place])
+    assert found.trials[found.chosen].objective == (7.0 if moved else 0.0)
+    assert found.verdict is (after if moved else before)

@@ -186,7 +186,8 @@ def design_mirrors(
     Returns:
         Of the trials that see everything with the resolution asked for in all postures, and keep
         all clearances, the one that still sees everything most often with errors; if none does,
-        that of least objective and violation. ``verdict`` has which.
+        that of least objective and violation, moved until it keeps all clearances. ``verdict`` has
+        which.
     """
     poor = _poor(finger, spec)
     limits = bounds(poor, spec)
@@ -290,8 +291,8 @@ def _with_failures(
 
     As in `_with_worst`, but with errors: of a sample of these, the ones that hide most take the
     places of copies, in the postures in which they do, one round after the other: those of earlier
-    rounds are looked at on, or the search would come back to what failed there. What then hides
-    less often counts, if it still meets all else.
+    rounds are looked at on while there are places, or the search would come back to what failed
+    there. What then hides less often counts, if it still meets all else.
     """
     errors = sample_errors(spec.tolerances, len(poor.mirrors), FAILURE_DRAWS, seed)
     poses, taken = task.angles.shape[1], 0
