@@ -34,7 +34,7 @@ NAMED = re.compile(rf"[0-9a-f]{{64}}{PROGRAM}|tmp\w{{8}}{PARTIAL}")
 """Names of a store's files; any other in its folder is somebody else's."""
 MAPPINGS, MOST_MAPPINGS = Path("/proc/self/maps"), Path("/proc/sys/vm/max_map_count")
 """Of this process, one a line, and how many it may have."""
-FULL = 0.5
+FULL = 0.4
 """Part of the mappings from which on programs are forgotten: a finger's design takes 30,000 of
 Linux' usual 65,530."""
 _FORGETTING: list[Callable[[], object]] = []
@@ -90,7 +90,7 @@ def forget_programs_if_many() -> None:
 
     Each program maps memory several times. Beyond Linux' bound on mappings nothing can be compiled
     any more, and the process ends with "Cannot allocate memory". Between tasks that compile
-    programs of their own this leaves half of the bound for the next one. What is forgotten is
+    programs of their own this leaves most of the bound to the next one. What is forgotten is
     traced again, and loaded where programs are kept.
     """
     try:

@@ -290,7 +290,7 @@ def test_an_option_switches_it_off(monkeypatch, capsys, line):
     assert "no.toml" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("count", "forgotten"), [(49, 0), (51, 1)])
+@pytest.mark.parametrize(("count", "forgotten"), [(39, 0), (41, 1)])
 def test_programs_are_forgotten_before_a_process_may_map_no_more(
     tmp_path, monkeypatch, count, forgotten
 ):
