@@ -145,12 +145,18 @@ def _smallest(spec: FingerSpec, lever: Lever, designer: Designer) -> float | Non
 
 def changed(spec: FingerSpec, lever: Lever, steps: float) -> FingerSpec | None:
     """The settings with one changed by so many steps; none where they are refused."""
+    now = value_of(spec, lever.setting)
+    return with_value(spec, lever.setting, round(now + steps * lever.step, 9))
+
+
+def with_value(spec: FingerSpec, setting: str, value: float) -> FingerSpec | None:
+    """The settings with another value of one; none where they are refused."""
     tables = spec.model_dump()
-    *path, last = lever.setting.split(".")
+    *path, last = setting.split(".")
     table = tables
     for name in path:
         table = table[name]
-    table[last] = round(table[last] + steps * lever.step, 9)
+    table[last] = value
     try:
         return FingerSpec.model_validate(tables)
     except ValidationError:

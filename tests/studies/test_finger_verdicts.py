@@ -254,6 +254,7 @@ def test_those_that_miss_least_get_advice(monkeypatch):
     monkeypatch.setattr(verdicts, "Designer", Drawing)
     monkeypatch.setattr(verdicts, "draw", draw)
     monkeypatch.setattr(verdicts, "advise", advise)
+    monkeypatch.setattr(verdicts, "with_value", lambda spec, *change: (spec, *change))
     monkeypatch.setattr(verdicts, "requirements", requirements)
     monkeypatch.setattr(verdicts, "require_mitsuba", lambda _: None)
     forgotten = []
@@ -262,7 +263,7 @@ def test_those_that_miss_least_get_advice(monkeypatch):
         verdicts,
         "judge",
         lambda spec, *_: (
-            verdicts.NOTHING._replace(agree=spec != 3),
+            verdicts.NOTHING._replace(agree=spec not in (3, (4, "body.thickness", 24.5))),
             verdicts.NOTHING,
             verdicts.NOTHING,
         ),
@@ -271,9 +272,9 @@ def test_those_that_miss_least_get_advice(monkeypatch):
     assert advised == [2, 4]
     assert len(forgotten) == 5
     metrics = {one.name: one.value for one in results.metrics}
-    assert metrics == {"contradicted": 1, "infeasible": 5, "helped": 1}
+    assert metrics == {"contradicted": 2, "infeasible": 5, "helped": 1}
     tables = {one.name: one.rows for one in results.tables}
-    assert [row[:2] for row in tables["changes"]] == [(4, "body.thickness")]
+    assert [(*row[:2], row[-1]) for row in tables["changes"]] == [(4, "body.thickness", "no")]
     # Those of as many mirrors together.
     assert [row[0] for row in tables["fingers"]] == [0, 2, 4, 1, 3, 5]
     assert [row[-1] for row in tables["fingers"]] == ["yes"] * 4 + ["no", "yes"]

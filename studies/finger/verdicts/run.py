@@ -20,7 +20,7 @@ from designopt.study.results import Results
 from designopt.study.study import Context
 from optics import find_coverage
 from studies.finger import FingerSpec
-from studies.finger.advice import advise
+from studies.finger.advice import advise, with_value
 from studies.finger.designing import Designer, FingerDesign, requirements
 from studies.finger.verdicts import FingerVerdictsSpec
 from studies.models.finger import Finger
@@ -125,13 +125,17 @@ def run(spec: FingerVerdictsSpec, context: Context) -> Results:
     for one in least:
         with context.step(f"Advice for finger {one.number}"):
             for change in advise(one.spec, one.designer):
-                changes.add(finger=one.number, **change._asdict())
+                then = with_value(one.spec, change.setting, change.needed)
+                assert then is not None  # as it was designed
+                judged = judge(then, one.designer.finger(then), spec, context.seed)
+                changes.add(finger=one.number, **change._asdict(), **columns(*judged))
     if len(changes):
         out.table("changes", changes)
     infeasible = int(np.sum(rows["verdict"] != "met"))
-    out.values(looked_at=len(least))
+    agree = [*rows["agree"], *(changes["agree"] if len(changes) else [])]
+    out.values(looked_at=len(least), suggested=len(changes))
     out.metrics(
-        contradicted=int(np.sum(rows["agree"] == "no")),
+        contradicted=agree.count("no"),
         infeasible=infeasible,
         helped=len(set(changes["finger"].tolist())) if len(changes) else 0,
     )
