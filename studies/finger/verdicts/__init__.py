@@ -12,7 +12,7 @@ class FingerVerdictsSpec(Spec):
 
     fingers: int = setting(20, "fingers that are drawn", scales=True, ge=1, le=1000)
     advised: int = setting(
-        2,
+        1,
         "of those that miss something, how many to look for changes for: the ones that miss least",
         free=True,
         ge=0,
