@@ -125,7 +125,7 @@ def _solver(method: str, flat: Flat) -> Solve:
     """A compiled solve."""
     if method in ("slsqp", "trust-constr"):
         one = compile_reference(flat, method, TOLERANCE, UPDATES * STEPS)
-        return lambda point: one(point, flat.problem.data)[0]
+        return lambda point: one(point, flat.own)[0]
     inner: Inner = method  # type: ignore[assignment]
 
     def local(point: jax.Array) -> jax.Array:

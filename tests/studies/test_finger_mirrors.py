@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
 
-from designopt.optimize import draw_sobol_starts
+from designopt.optimize import Evaluation, Problem, draw_sobol_starts
+from designopt.optimize.flat import Flat
 from designopt.study.records import Records
 from designopt.study.report import Report
 from designopt.study.runner import run_study
@@ -312,6 +313,23 @@ def compared(*runs):
     found = out.results().precision
     assert found is not None
     return found
+
+
+@pytest.mark.parametrize("method", solvers.CHOICES["all"])
+def test_every_solver_that_is_compared_solves(method):
+    """The point of x + y ≥ 1 nearest to (1.2, −0.2), of which the first is at most 1: (1, 0).
+
+    Few updates of the multipliers are left to it, as in the comparison.
+    """
+
+    def terms(point):
+        missing = {"sum": point.sum()[None] - 1}
+        return Evaluation(objective=jnp.sum((point - target) ** 2), inequalities=missing)
+
+    target = jnp.array([1.2, -0.2])
+    flat = Flat.of(Problem(terms, jnp.array([-5.0, -5.0]), jnp.array([1.0, 5.0])))
+    found = solvers._solver(method, flat)(np.asarray(flat.point(jnp.array([0.3, 0.9]))))
+    np.testing.assert_allclose(flat.parameters(jnp.asarray(found)), [1.0, 0.0], atol=0.05)
 
 
 @pytest.mark.parametrize(
