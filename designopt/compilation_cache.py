@@ -37,10 +37,10 @@ MAPPINGS, MOST_MAPPINGS = Path("/proc/self/maps"), Path("/proc/sys/vm/max_map_co
 FULL = 0.4
 """Part of the mappings from which on programs are forgotten: a finger's design takes 30,000 of
 Linux' usual 65,530."""
-_FORGETTING: list[Callable[[], object]] = []
-"""What lets go of programs that JAX does not keep itself."""
 ABANDONED = 3600.0
 """Seconds after which a file that is still being written belongs to no process any more."""
+_FORGETTING: list[Callable[[], object]] = []
+"""What lets go of programs that JAX does not keep itself; see `forget_with_programs`."""
 
 
 def _switch_off(wanted: bool) -> bool:

@@ -13,7 +13,7 @@ from designopt.study.report import Report
 from studies.benchmarks.measuring import listed
 from studies.models.linkage_design.judging import Verdict, judged
 from studies.models.linkage_design.searching import Search, exact, search, search_on
-from studies.models.linkage_design.spec import DECIDING, FingerLinkageSpec
+from studies.models.linkage_design.spec import FingerLinkageSpec, is_usual_but
 
 PLAIN = {
     "limits": {"pinch_force": 0.0, "tip_force": 0.0},
@@ -119,9 +119,7 @@ def _better(one: Point, other: Point) -> Point:
 
 def elsewhere(spec: FingerLinkageSpec) -> dict[float, float]:
     """Least angles of the independent search by bounds, degrees; none for settings it had not."""
-    same = FingerLinkageSpec.model_validate(PLAIN)
-    usual = all(getattr(spec, name) == getattr(same, name) for name in DECIDING)
-    return ELSEWHERE if usual else {}
+    return ELSEWHERE if is_usual_but(spec, PLAIN) else {}
 
 
 def add_front(out: Report, spec: FingerLinkageSpec, rows: Records) -> None:

@@ -27,7 +27,7 @@ from studies.models.linkage_design.judging import everywhere
 from studies.models.linkage_design.postures import find_postures
 from studies.models.linkage_design.problem import grids
 from studies.models.linkage_design.searching import search
-from studies.models.linkage_design.spec import DECIDING, FingerLinkageSpec
+from studies.models.linkage_design.spec import DECIDING, FingerLinkageSpec, is_usual_but
 from studies.models.linkage_design.tables import add_tables
 from studies.models.spec_files import linkage_file
 from studies.models.words import words_of
@@ -88,8 +88,7 @@ def design(spec: FingerLinkageSpec, folder: Path | None) -> Design:
 def add_metrics(out: Report, spec: FingerLinkageSpec, found: LinkageDesign) -> None:
     """The study's numbers; the search's target is that of settings without pinch."""
     verdict, limits = found.verdict, spec.limits
-    same = FingerLinkageSpec.model_validate(WITHOUT_PINCH)
-    searched = all(getattr(spec, name) == getattr(same, name) for name in DECIDING)
+    searched = is_usual_but(spec, WITHOUT_PINCH)
     asked, elsewhere = (ASKED, ELSEWHERE) if searched else (None, None)
     reached = found.search.rounds[0].feasible_deg
     out.values(requirements=len(verdict.checks) + 1, asked=asked or limits.transmission_deg)

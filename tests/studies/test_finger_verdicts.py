@@ -70,9 +70,9 @@ def test_distances_are_the_same_or_both_overlaps(own, other, same):
     assert verdicts.same_distance(own, other) == same
 
 
-@pytest.mark.parametrize(("own", "bound", "side"), [(0.4, True, False), (0.6, True, True)])
-def test_a_bound_may_be_less_but_not_short_of_what_is_asked(own, bound, side):
-    assert verdicts.no_more(own, 0.7) == bound
+@pytest.mark.parametrize(("own", "side"), [(0.4, False), (0.6, True)])
+def test_a_bound_may_be_less_but_not_short_of_what_is_asked(own, side):
+    assert verdicts.no_more(own, 0.7)
     assert not verdicts.no_more(0.7, own)
     assert verdicts.same_side(own, 0.7, 0.5) == side
     # But for rounding.
@@ -88,10 +88,9 @@ def measured(*, stretched: bool = False) -> tuple[Finger, Any, PolygonClearances
     if stretched:
         middle = (np.asarray(pins.F) + np.asarray(pins.D)) / 2
         finger = finger.with_pins(replace(pins, E=middle + np.array([0.0, 0.5])))
-    grid = (np.rad2deg(angles) for angles in grids(finger.body, STEP_DEG))
+    pip, dip = (np.rad2deg(angles) for angles in grids(finger.body, STEP_DEG))
     with tempfile.TemporaryDirectory() as folder:
         write_finger(finger, path := Path(folder) / "finger.toml")
-        pip, dip = grid
         polygons = polygon_clearances(path, degrees=(pip, dip))
     return finger, judged_linkage(finger, LimitsSpec(), MotorSpec()), polygons
 
@@ -195,16 +194,14 @@ def test_without_mirrors_only_the_camera_is_compared():
         (0.7, 0.7, 0.7, True),
         (1.0, 0.9, 0.9, False),
         (1.0, 1.0, 0.9, False),
-        (0.9, 0.5, 0.9, False),
+        (0.9, 0.95, 0.9, False),
     ],
 )
 def test_rays_contradict_a_false_verdict_on_what_is_seen(monkeypatch, own, library, rays, agree):
     monkeypatch.setattr(verdicts, "coverage_of", lambda _, poses: np.full((len(poses), 3), library))
     found = designed(packaged_finger(), coverage=own)
-    seen = np.full((4, 3), 1.0)
+    seen = np.full((4, 3), library)
     seen[2] = rays
-    if library == own == 0.7:
-        seen[:] = rays
     compared = verdicts.compare_coverage(found, np.zeros((4, 2)), seen)
     assert (compared.agree, compared.own, compared.other) == (agree, own, rays)
 

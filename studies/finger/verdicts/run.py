@@ -104,9 +104,7 @@ def run(spec: FingerVerdictsSpec, context: Context) -> Results:
     for number, drawn in sorted(fingers, key=lambda one: one[1].numbers["mirrors"]):
         row: dict[str, Any] = {"finger": number} | drawn.numbers
         if drawn.spec is None:
-            rows.add(
-                **row, verdict="refused", missed=drawn.refusal, **columns(NOTHING, NOTHING, NOTHING)
-            )
+            rows.add(**row, verdict="refused", missed=drawn.refusal, **columns())
             continue
         forget_programs_if_many()
         with context.step(f"Finger {number}"):
@@ -197,8 +195,7 @@ def judge(
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "finger.toml"
         write_finger(found.finger, path)
-        # In the postures of the verdict, for the least distance of bars that pass each other lies
-        # between them.
+        # In the verdict's own postures: the least over others would differ by more than rounding.
         pip, dip = (np.rad2deg(angles) for angles in grids(found.finger.body, STEP_DEG))
         polygons = polygon_clearances(path, degrees=(pip, dip))
         degrees = checked_postures(found, spec.postures, seed)
@@ -210,9 +207,10 @@ def judge(
 def compare_bars(drawn: FingerSpec, found: FingerDesign, polygons: PolygonClearances) -> Compared:
     """Least distance of bars from all that they can meet and from the outline, mm.
 
-    They agree if the linkage assembles in the same postures and every part keeps the same distance,
-    to the outline, from which the verdict's is a bound, no more; and if polygons find room enough
-    where the verdict has it. NaN where the linkage does not assemble in every posture.
+    They agree if the linkage assembles in every posture or in both does not; if every two parts
+    keep the same distance; if that from the outline is no more than polygons find, for the
+    verdict's is a lower bound; and if both have enough room or neither. NaN where the linkage does
+    not assemble in every posture.
     """
     finger, verdict = found.finger, found.linkage.verdict
     if not verdict.assembles:
@@ -300,8 +298,10 @@ def same_side(own: float, other: float, asked: float) -> bool:
     return abs(own - other) < WITHIN_MM or (own >= asked) == (other >= asked)
 
 
-def columns(bars: Compared, mirrors: Compared, coverage: Compared) -> dict[str, Any]:
-    """Those of the table that compare."""
+def columns(
+    bars: Compared = NOTHING, mirrors: Compared = NOTHING, coverage: Compared = NOTHING
+) -> dict[str, Any]:
+    """Columns of a table from what `judge` returns; by default those of a refused finger."""
     agree = bars.agree and mirrors.agree and coverage.agree
     return {
         "bars_mm": bars.own,

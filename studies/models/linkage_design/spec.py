@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
@@ -133,3 +133,17 @@ class FingerLinkageSpec(LinkageSpec):
                 "limits.clearance; make it thicker, or one of these less"
             )
         return self
+
+
+def is_usual_but(spec: FingerLinkageSpec, changes: dict[str, Any]) -> bool:
+    """Whether the settings that decide are the defaults but for some.
+
+    Example:
+        >>> without = {"limits": {"pinch_force": 0.0}}
+        >>> is_usual_but(FingerLinkageSpec(), without)
+        False
+        >>> is_usual_but(FingerLinkageSpec.model_validate(without | {"front": []}), without)
+        True
+    """
+    same = FingerLinkageSpec.model_validate(changes)
+    return spec.model_dump(include=DECIDING) == same.model_dump(include=DECIDING)

@@ -186,8 +186,8 @@ def design_mirrors(
     Returns:
         Of the trials that see everything with the resolution asked for in all postures, and keep
         all clearances, the one that still sees everything most often with errors; if none does,
-        that of least objective and violation, moved until it keeps all clearances. ``verdict`` has
-        which.
+        that of least objective and violation, moved to where it keeps all clearances, if that is
+        found. ``verdict`` has which.
     """
     poor = _poor(finger, spec)
     limits = bounds(poor, spec)
