@@ -1,7 +1,7 @@
 """What would help where a finger cannot meet its requirements: one setting at a time.
 
 Of every setting the smallest change is looked for with which all requirements are met. Designs that
-begin with the one that was found bracket it; then the finger is designed as a run designs it, with
+begin with the one that was found bracket it, and show early where no change will do; then the finger is designed as a run designs it, with
 that change, which must meet everything, and with half of it, which must not.
 """
 
@@ -109,6 +109,7 @@ def advise(spec: FingerSpec, designer: Designer) -> list[Advice]:
 
 def _smallest(spec: FingerSpec, lever: Lever, designer: Designer) -> float | None:
     """Steps of the smallest change that meets everything; none if no change of it was found to."""
+    forget_programs_if_many()
     most = changed(spec, lever, lever.most)
     if most is None or not designer.could_help(spec, most):
         return None

@@ -81,6 +81,7 @@ class Designer:
     context: Context
     _linkages: dict[str, LinkageDesign] = field(default_factory=dict)
     _mirrors: dict[str, tuple[MirrorDesign, Yield]] = field(default_factory=dict)
+    _nearby: dict[tuple[str, str], tuple[MirrorDesign, Yield]] = field(default_factory=dict)
 
     def linkage(self, spec: FingerSpec) -> LinkageDesign:
         """The linkage for its requirements."""
@@ -166,20 +167,38 @@ class Designer:
                 linkage = judged_design(own, search_on(own, start.search), self.context.seed)
         if missed_by_linkage(spec, linkage):
             return False
-        mirrors, share = self.mirrors(other, start.finger)
-        if _optics(spec) != _optics(other):
-            known = [mirrors.trials[mirrors.chosen].placement]
-            mirrors, share = self._searched(spec, known)
-        return not missed_by_mirrors(spec, mirrors, share)
+        return not missed_by_mirrors(spec, *self.mirrors_near(spec, other))
+
+    def mirrors_near(self, spec: FingerSpec, other: FingerSpec) -> tuple[MirrorDesign, Yield]:
+        """Camera and mirrors searched from those for other settings, without a linkage."""
+        known = self.mirrors(other, blank_finger(other.linkage_spec()))
+        key = _optics(spec), _optics(other)
+        if key[0] == key[1]:
+            return known
+        if key not in self._nearby:
+            start = known[0].trials[known[0].chosen].placement
+            self._nearby[key] = self._searched(spec, [start])
+        return self._nearby[key]
 
     def could_help(self, spec: FingerSpec, other: FingerSpec) -> bool:
-        """Whether other settings concern all parts that miss something with these."""
+        """Whether other settings bring all parts that miss something with these nearer.
+
+        A linkage that they concern may come nearer. Camera and mirrors do if, searched from those
+        that were found, they miss fewer of the other requirements, or hide half as much at most:
+        searched from all starts takes several times as long.
+        """
         linkage = self.linkage(spec)
         if missed_by_linkage(spec, linkage) and spec.linkage_spec() == other.linkage_spec():
             return False
-        mirrors, share = self.mirrors(spec, linkage.finger)
-        met = not missed_by_mirrors(spec, mirrors, share)
-        return met or _optics(spec) != _optics(other)
+        now = self.mirrors(spec, linkage.finger)
+        if not missed_by_mirrors(spec, *now):
+            return True
+        if _optics(spec) == _optics(other):
+            return False
+        then = self.mirrors_near(other, spec)
+        hidden, left = (1 - found.verdict.worst_coverage for found, _ in (now, then))
+        missed, others = (len(missed_by_mirrors(other, *one)) for one in (now, then))
+        return others < missed or left <= hidden / 2
 
 
 def missed_by_linkage(spec: FingerSpec, linkage: LinkageDesign) -> list[str]:

@@ -33,6 +33,7 @@ class Thresholds(Designer):
         return self.met(spec, self.blind)
 
     def could_help(self, spec: FingerSpec, other: FingerSpec) -> bool:
+        self.designs += 1
         return True
 
 

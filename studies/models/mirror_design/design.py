@@ -260,7 +260,7 @@ def _with_worst(
 
     The search looks at some postures and the verdict at all. As in an exchange method (R. Hettich,
     K. O. Kortanek, SIAM Rev. 35 (1993) 380) those that the verdict names take the place of others
-    until it is content, or does not get better.
+    until it is content, `exchanges` times at most; the best of the rounds counts.
     """
     best = trial, judged(put_in(trial.placement, poor))
     task, now = tasks[-1], best
