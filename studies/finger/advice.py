@@ -1,8 +1,9 @@
 """What would help where a finger cannot meet its requirements: one setting at a time.
 
 Of every setting the smallest change is looked for with which all requirements are met. Designs that
-begin with the one that was found bracket it, and show early where no change will do; then the finger is designed as a run designs it, with
-that change, which must meet everything, and with half of it, which must not.
+begin with the one that was found bracket it, and show early where no change will do; then the
+finger is designed as a run designs it, with that change, which must meet everything, and with half
+of it, which must not.
 """
 
 from __future__ import annotations
@@ -109,9 +110,11 @@ def advise(spec: FingerSpec, designer: Designer) -> list[Advice]:
 
 def _smallest(spec: FingerSpec, lever: Lever, designer: Designer) -> float | None:
     """Steps of the smallest change that meets everything; none if no change of it was found to."""
-    forget_programs_if_many()
     most = changed(spec, lever, lever.most)
-    if most is None or not designer.could_help(spec, most):
+    if most is None:
+        return None
+    forget_programs_if_many()
+    if not designer.could_help(spec, most):
         return None
 
     def near(steps: int) -> bool:

@@ -12,6 +12,7 @@ from designopt.optimize import Optima, Starts
 from designopt.study.runner import run_study
 from designopt.study.study import Context
 from studies.finger import FingerSpec, designing
+from studies.finger.advice import value_of, with_value
 from studies.models import Finger
 from studies.models.finger import links_of, pins_of
 from studies.models.linkage_design.analysis import LinkageDesign, layers_fit
@@ -20,10 +21,11 @@ from studies.models.linkage_design.searching import Round, Search, over
 from studies.models.linkage_design.spec import FingerLinkageSpec
 from studies.models.linkage_design.tolerance import least_angles
 from studies.models.mirror_design import judging, yields
-from studies.models.mirror_design.design import MirrorDesign
+from studies.models.mirror_design.design import MirrorDesign, Trial
 from studies.models.mirror_design.judging import Verdict
 from studies.models.mirror_design.judging import judged as judge_mirrors
 from studies.models.mirror_design.spec import MirrorSpec
+from studies.models.mirror_design.yields import Yield
 from tests.studies.fingers import finger_of, seeing_finger
 from tests.studies.stopped import stopped_at
 
@@ -94,6 +96,46 @@ def test_the_other_starts_are_tried_where_the_first_is_not_enough(
     found, _ = designing.Designer(context)._designed(FingerSpec())
     assert names[id(found.verdict)] == taken
     assert len(begun) == tried
+
+
+@pytest.mark.parametrize(
+    ("setting", "linkage", "now", "then", "helps"),
+    [
+        # The linkage alone misses something, and the setting is of the mirrors, or not.
+        ("mirrors.floor", ["angle"], ([], 1.0), ([], 1.0), False),
+        ("linkage.limits.width", ["angle"], ([], 1.0), ([], 1.0), True),
+        # The mirrors miss something, and the setting is of the linkage alone.
+        ("linkage.limits.width", [], (["coverage"], 0.9), ([], 1.0), False),
+        # They come nearer, or do not.
+        ("mirrors.floor", [], (["coverage"], 0.9), (["coverage"], 0.951), True),
+        ("mirrors.floor", [], (["coverage"], 0.9), (["coverage"], 0.949), False),
+        ("mirrors.floor", [], (["coverage", "yield"], 0.9), (["coverage"], 0.8), True),
+        ("mirrors.floor", [], (["blur"], 1.0), (["blur"], 1.0), True),
+    ],
+)
+def test_a_setting_could_help_that_brings_nearer_all_that_miss_something(
+    monkeypatch, setting, linkage, now, then, helps
+):
+    spec = FingerSpec()
+    other = with_value(spec, setting, value_of(spec, setting) + 1)
+    assert other is not None
+    missed = {}
+
+    def searched(spec, starts):
+        name = "near" if starts == ["found"] else "found"
+        unmet, coverage = {"found": now, "near": then}[name]
+        trial = Mock(spec=Trial, placement=name)
+        verdict = Mock(spec=Verdict, worst_coverage=coverage)
+        verdict.quality.return_value = (coverage, 2.5)
+        missed[verdict] = unmet
+        return MirrorDesign(finger_of(), [trial], [verdict], [], 0), Mock(spec=Yield, value=0.0)
+
+    designer = designing.Designer(Context(0, "float64", lambda _: nullcontext()))
+    monkeypatch.setattr(designer, "linkage", lambda _: Mock(spec=LinkageDesign, finger=finger_of()))
+    monkeypatch.setattr(designer, "_searched", searched)
+    monkeypatch.setattr(designing, "missed_by_linkage", lambda *_: linkage)
+    monkeypatch.setattr(designing, "missed_by_mirrors", lambda _, one, __: missed[one.verdict])
+    assert designer.could_help(spec, other) == helps
 
 
 @pytest.mark.slow
