@@ -9,6 +9,7 @@ of it, which must not.
 from __future__ import annotations
 
 import functools
+import json
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -26,7 +27,8 @@ class Lever(NamedTuple):
 
     Attributes:
         setting: its name, as after ``--set``.
-        step: changes are multiples of it; its sign is the direction that helps.
+        step: changes are multiples of it; its sign is the direction that helps. Of a list it is a
+            part of every entry.
         most: steps of the largest change.
     """
 
@@ -54,10 +56,14 @@ LEVERS = (
     Lever("spring.preload", 0.05, 16),
     Lever("mirrors.camera.fov_deg", 5.0, 16),
     Lever("mirrors.floor", -0.1, 16),
+    Lever("mirrors.pads.thickness", -0.05, 16),
     Lever("mirrors.room.mount", -0.25, 4),
     Lever("mirrors.least_yield", -0.02, 16),
 )
 """Those that are tried, as far as people may think of changing them."""
+
+CARRIERS = "mirrors.phalanges"
+"""The setting of what carries the mirrors, of which one more is tried."""
 
 
 class Advice(NamedTuple):
@@ -68,26 +74,34 @@ class Advice(NamedTuple):
         unit: its unit.
         now: its value in the settings.
         needed: the value that meets everything.
-        half: the value half-way, and what fails there.
-        fails: likewise.
+        half: the value half-way; if there is none, that of now.
+        fails: what fails there.
     """
 
     setting: str
     unit: str
-    now: float
-    needed: float
-    half: float
+    now: Any
+    needed: Any
+    half: Any
     fails: str
 
     @property
     def words(self) -> str:
         """The change as part of a sentence."""
         unit = f" {self.unit}".rstrip().replace(" °", "°")
-        return f"{self.setting} = {self.needed:g}{unit} instead of {self.now:g}{unit}"
+        return f"{self.setting} = {shown(self.needed)}{unit} instead of {shown(self.now)}{unit}"
+
+    @property
+    def row(self) -> dict[str, str]:
+        """Of a table, its values as after ``--set``."""
+        values = {name: shown(getattr(self, name)) for name in ("now", "needed", "half")}
+        return self._asdict() | values
 
 
 def advise(spec: FingerSpec, designer: Designer) -> list[Advice]:
     """For every lever that helps, its smallest change with which a run meets every requirement.
+
+    A mirror more is tried on each phalanx, too.
 
     Args:
         spec: settings whose requirements are not all met.
@@ -97,14 +111,19 @@ def advise(spec: FingerSpec, designer: Designer) -> list[Advice]:
     found = []
     for lever in LEVERS:
         name = lever.setting
-        if not isinstance(value_of(spec, name), float):
-            continue  # as of the field of view of a lens that is sold
+        if (now := value_of(spec, name)) in (None, []):
+            continue  # as of the field of view of a lens that is sold, or of bare pads
         if (steps := _smallest(spec, lever, designer)) is not None:
-            needed, half = changed(spec, lever, steps), changed(spec, lever, steps / 2)
-            assert needed is not None  # as it was designed
+            half = changed(spec, lever, steps / 2)
             fails = "; ".join(["refused"] if half is None else designer.missed(half))
-            now, then = value_of(spec, name), value_of(needed, name)
-            found.append(Advice(name, units[name], now, then, (now + then) / 2, fails))
+            needed, middle = (_value(spec, lever, part) for part in (steps, steps / 2))
+            found.append(Advice(name, units[name], now, needed, middle, fails))
+    now = value_of(spec, CARRIERS)
+    for needed in ([*now, phalanx] for phalanx in ("distal", "proximal")):
+        other = with_value(spec, CARRIERS, needed)
+        if other is not None and _met(other, designer):
+            fails = "; ".join(designer.missed(spec))
+            found.append(Advice(CARRIERS, "", now, needed, now, fails))
     return found
 
 
@@ -124,9 +143,8 @@ def _smallest(spec: FingerSpec, lever: Lever, designer: Designer) -> float | Non
         return other is not None and designer.meets_near(other, spec)
 
     def met(steps: float) -> bool:
-        forget_programs_if_many()
         other = changed(spec, lever, steps)
-        return other is not None and not designer.missed(other)
+        return other is not None and _met(other, designer)
 
     if near(lever.most):
         low, high = 0, lever.most
@@ -147,13 +165,26 @@ def _smallest(spec: FingerSpec, lever: Lever, designer: Designer) -> float | Non
     return steps
 
 
+def _met(spec: FingerSpec, designer: Designer) -> bool:
+    """Whether a run meets everything."""
+    forget_programs_if_many()
+    return not designer.missed(spec)
+
+
 def changed(spec: FingerSpec, lever: Lever, steps: float) -> FingerSpec | None:
     """The settings with one changed by so many steps; none where they are refused."""
-    now = value_of(spec, lever.setting)
-    return with_value(spec, lever.setting, round(now + steps * lever.step, 9))
+    return with_value(spec, lever.setting, _value(spec, lever, steps))
 
 
-def with_value(spec: FingerSpec, setting: str, value: float) -> FingerSpec | None:
+def _value(spec: FingerSpec, lever: Lever, steps: float) -> Any:
+    """What a setting is after so many steps."""
+    now, change = value_of(spec, lever.setting), steps * lever.step
+    if isinstance(now, list):
+        return [round(one * (1 + change), 9) for one in now]
+    return round(now + change, 9)
+
+
+def with_value(spec: FingerSpec, setting: str, value: Any) -> FingerSpec | None:
     """The settings with another value of one; none where they are refused."""
     tables = spec.model_dump()
     *path, last = setting.split(".")
@@ -172,6 +203,11 @@ def value_of(spec: FingerSpec, setting: str) -> Any:
     return functools.reduce(getattr, setting.split("."), spec)
 
 
+def shown(value: Any) -> str:
+    """A value as after ``--set``."""
+    return json.dumps(value) if isinstance(value, list) else f"{value:g}"
+
+
 def _unit(words: str) -> str:
     """The unit at the end of a setting's description; empty if it has none."""
     unit = words.rsplit("(", 1)[-1].split(")")[0] if words.endswith(")") else ""
@@ -182,5 +218,5 @@ def advice_rows(advice: Sequence[Advice]) -> Records:
     """The table of the changes, each with the value half-way and what fails there."""
     rows = Records()
     for one in advice:
-        rows.add(**one._asdict())
+        rows.add(**one.row)
     return rows

@@ -2,10 +2,12 @@
 
 import math
 
+import numpy as np
 import pytest
 
+from designopt.study.settings import spec_with
 from studies.finger import FingerSpec, advice
-from studies.finger.advice import LEVERS, Lever, advise, changed, value_of
+from studies.finger.advice import CARRIERS, LEVERS, Lever, advise, changed, value_of
 from studies.finger.designing import Designer
 from studies.models.body import BodySpec
 
@@ -19,7 +21,7 @@ class Thresholds(Designer):
     def met(self, spec: FingerSpec, late: float) -> bool:
         self.designs += 1
         return any(
-            math.copysign(1, lever.step) * (value_of(spec, lever.setting) - self.needed[name])
+            math.copysign(1, lever.step) * (np.sum(value_of(spec, name)) - self.needed[name])
             >= late
             for name, lever in levers.items()
             if name in self.needed
@@ -79,6 +81,37 @@ def test_less_than_a_step_is_found_too():
     [found] = advise(FingerSpec(), Thresholds({"body.thickness": 25.1}))
     assert 25.1 <= found.needed < 25.2
     assert found.half < 25.1
+
+
+def test_layers_get_thinner_in_proportion():
+    spec = FingerSpec.model_validate({"mirrors": {"pads": {"thickness": [3.0, 2.0]}}})
+    [found] = advise(spec, Thresholds({"mirrors.pads.thickness": 4.1}))
+    assert 4.1 >= sum(found.needed) > 4.1 - 0.05 * 5.0
+    assert sum(found.half) > 4.1
+    assert found.needed[0] / found.needed[1] == pytest.approx(1.5)
+    first, second = found.needed
+    words = f"mirrors.pads.thickness = [{first}, {second}] mm instead of [3.0, 2.0] mm"
+    assert found.words == words
+    assert found.row["now"] == "[3.0, 2.0]"
+
+
+def test_a_mirror_more_is_tried_on_either_phalanx():
+    class Mirrors(Thresholds):
+        def met(self, spec: FingerSpec, late: float) -> bool:
+            return value_of(spec, CARRIERS).count("proximal") > 0
+
+    spec = FingerSpec.model_validate({"mirrors": {"phalanges": ["distal"]}})
+    [found] = advise(spec, Mirrors({}))
+    assert found.words == 'mirrors.phalanges = ["distal", "proximal"] instead of ["distal"]'
+    assert (found.half, found.fails) == (["distal"], "coverage")
+    # Its words are a setting of the command line.
+    given = found.words.split(" instead")[0].replace(" = ", "=")
+    with_it = spec_with(FingerSpec, [given], study="finger")
+    assert isinstance(with_it, FingerSpec)
+    assert value_of(with_it, CARRIERS) == found.needed
+    # With three there is no room for another one.
+    full = FingerSpec.model_validate({"mirrors": {"phalanges": ["distal"] * 3}})
+    assert advise(full, Mirrors({})) == []
 
 
 def test_what_does_not_help_is_not_advised():

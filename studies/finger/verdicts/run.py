@@ -126,7 +126,7 @@ def run(spec: FingerVerdictsSpec, context: Context) -> Results:
                 then = with_value(one.spec, change.setting, change.needed)
                 assert then is not None  # as it was designed
                 judged = judge(then, one.designer.finger(then), spec, context.seed)
-                changes.add(finger=one.number, **change._asdict(), **columns(*judged))
+                changes.add(finger=one.number, **change.row, **columns(*judged))
     if len(changes):
         out.table("changes", changes)
     infeasible = int(np.sum(rows["verdict"] != "met"))

@@ -127,7 +127,7 @@ class PadsSpec(Spec):
 
     thickness: list[Length] = setting(
         [1.0, 1.0],
-        "of each layer (mm); none, and no index either: bare pads",
+        "of each layer; none, and no index either: bare pads (mm)",
         max_length=MOST_LAYERS,
     )
     index: list[Annotated[float, Field(ge=1, le=LARGEST_INDEX)]] = setting(
