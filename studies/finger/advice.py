@@ -1,9 +1,9 @@
 """What would help where a finger cannot meet its requirements: one setting at a time.
 
 Of every setting the smallest change is looked for with which all requirements are met. Designs that
-begin with the one that was found bracket it, and show early where no change will do; then the
-finger is designed as a run designs it, with that change, which must meet everything, and with half
-of it, which must not.
+begin with the one that was found bracket it, and show early where the largest change brings it no
+nearer; then the finger is designed as a run designs it, with that change, which must meet
+everything, and with half of it, which is to miss something.
 """
 
 from __future__ import annotations
@@ -46,6 +46,7 @@ LEVERS = (
     Lever("body.intermediate", 1.0, 16),
     Lever("body.distal", 1.0, 16),
     Lever("body.range_deg", -5.0, 8),
+    Lever("body.dip_range_deg", -5.0, 8),
     Lever("linkage.limits.width", 0.5, 16),
     Lever("linkage.limits.transmission_deg", -1.0, 16),
     Lever("linkage.limits.crank_range_deg", 5.0, 8),
@@ -62,8 +63,11 @@ LEVERS = (
 )
 """Those that are tried, as far as people may think of changing them."""
 
-CARRIERS = "mirrors.phalanges"
+MIRRORS = "mirrors.phalanges"
 """The setting of what carries the mirrors, of which one more is tried."""
+
+NOTHING = "nothing; smaller changes were not tried"
+"""What half of the smallest change that is tried misses if it meets everything, too."""
 
 
 class Advice(NamedTuple):
@@ -114,26 +118,28 @@ def advise(spec: FingerSpec, designer: Designer) -> list[Advice]:
         if (now := value_of(spec, name)) in (None, []):
             continue  # as of the field of view of a lens that is sold, or of bare pads
         if (steps := _smallest(spec, lever, designer)) is not None:
-            half = changed(spec, lever, steps / 2)
-            fails = "; ".join(["refused"] if half is None else designer.missed(half))
+            half, designed = changed(spec, lever, steps / 2), designer.with_own_linkages()
+            fails = "; ".join(["refused"] if half is None else designed.missed(half)) or NOTHING
             needed, middle = (_value(spec, lever, part) for part in (steps, steps / 2))
             found.append(Advice(name, units[name], now, needed, middle, fails))
-    now = value_of(spec, CARRIERS)
+    now = value_of(spec, MIRRORS)
     for needed in ([*now, phalanx] for phalanx in ("distal", "proximal")):
-        other = with_value(spec, CARRIERS, needed)
+        other = with_value(spec, MIRRORS, needed)
         if other is not None and _met(other, designer):
             fails = "; ".join(designer.missed(spec))
-            found.append(Advice(CARRIERS, "", now, needed, now, fails))
+            found.append(Advice(MIRRORS, "", now, needed, now, fails))
     return found
 
 
 def _smallest(spec: FingerSpec, lever: Lever, designer: Designer) -> float | None:
     """Steps of the smallest change that meets everything; none if no change of it was found to."""
-    most = changed(spec, lever, lever.most)
-    if most is None:
+    steps_down = range(lever.most, 0, -1)
+    accepted = [(steps, changed(spec, lever, steps)) for steps in steps_down]
+    most, greatest = next((one for one in accepted if one[1] is not None), (0, None))
+    if greatest is None:
         return None
     forget_programs_if_many()
-    if not designer.could_help(spec, most):
+    if not designer.could_help(spec, greatest):
         return None
 
     def near(steps: int) -> bool:
@@ -142,27 +148,27 @@ def _smallest(spec: FingerSpec, lever: Lever, designer: Designer) -> float | Non
         other = changed(spec, lever, steps)
         return other is not None and designer.meets_near(other, spec)
 
-    def met(steps: float) -> bool:
+    def met(steps: float, designer: Designer = designer) -> bool:
         other = changed(spec, lever, steps)
         return other is not None and _met(other, designer)
 
-    if near(lever.most):
-        low, high = 0, lever.most
+    if near(most):
+        low, high = 0, most
         while high - low > 1:
             middle = (low + high) // 2
             low, high = (low, middle) if near(middle) else (middle, high)
         while not met(high):
             high += 1
-            if high > lever.most:
+            if high > most:
                 return None
         steps = float(high)
-    elif met(lever.most):
-        steps = float(lever.most)
+    elif met(most):
+        steps = float(most)
     else:
         return None
     while steps > LEAST and met(steps / 2):
         steps /= 2
-    return steps
+    return steps if met(steps, designer.with_own_linkages()) else None
 
 
 def _met(spec: FingerSpec, designer: Designer) -> bool:
@@ -205,7 +211,7 @@ def value_of(spec: FingerSpec, setting: str) -> Any:
 
 def shown(value: Any) -> str:
     """A value as after ``--set``."""
-    return json.dumps(value) if isinstance(value, list) else f"{value:g}"
+    return json.dumps(value) if isinstance(value, list) else f"{value:.12g}"
 
 
 def _unit(words: str) -> str:

@@ -155,45 +155,53 @@ class Designer:
         lines = requirements(spec, self.finger(spec))
         return list(lines.where(met="no")["requirement"])
 
-    def meets_near(self, spec: FingerSpec, other: FingerSpec) -> bool:
+    def with_own_linkages(self) -> Designer:
+        """Another one, that has these mirrors but designs its linkages as a run does."""
+        return Designer(self.context, _mirrors=self._mirrors)
+
+    def meets_near(self, spec: FingerSpec, start: FingerSpec) -> bool:
         """Whether a design that begins with that for other settings meets these.
 
         It is far quicker than `missed`, and may miss what a search from many starts finds.
         """
-        own, start = spec.linkage_spec(), self.linkage(other)
-        linkage = start
-        if own != other.linkage_spec():
+        own, known = spec.linkage_spec(), self.linkage(start)
+        linkage = known
+        if own != start.linkage_spec():
             with self.context.step("Linkage nearby"):
-                linkage = judged_design(own, search_on(own, start.search), self.context.seed)
+                linkage = judged_design(own, search_on(own, known.search), self.context.seed)
         if missed_by_linkage(spec, linkage):
             return False
-        return not missed_by_mirrors(spec, *self.mirrors_near(spec, other))
+        return not missed_by_mirrors(spec, *self.mirrors_near(spec, start))
 
-    def mirrors_near(self, spec: FingerSpec, other: FingerSpec) -> tuple[MirrorDesign, Yield]:
-        """Camera and mirrors searched from those for other settings, without a linkage."""
-        known = self.mirrors(other, blank_finger(other.linkage_spec()))
-        key = _optics(spec), _optics(other)
-        if key[0] == key[1]:
+    def mirrors_near(self, spec: FingerSpec, start: FingerSpec) -> tuple[MirrorDesign, Yield]:
+        """Camera and mirrors searched from those for other settings, without a linkage.
+
+        They are these if, in the same body, they meet everything as they are.
+        """
+        known = self.mirrors(start, blank_finger(start.linkage_spec()))
+        key = _optics(spec), _optics(start)
+        if key[0] == key[1] or (spec.body == start.body and not missed_by_mirrors(spec, *known)):
             return known
         if key not in self._nearby:
-            start = known[0].trials[known[0].chosen].placement
-            self._nearby[key] = self._searched(spec, [start])
+            placement = known[0].trials[known[0].chosen].placement
+            self._nearby[key] = self._searched(spec, [placement])
         return self._nearby[key]
 
     def could_help(self, spec: FingerSpec, other: FingerSpec) -> bool:
         """Whether other settings bring all parts that miss something with these nearer.
 
-        A linkage that they concern may come nearer. Camera and mirrors do if, searched from those
-        that were found, they miss fewer of the other requirements, or hide half as much at most:
-        searched from all starts takes several times as long.
+        Linkage and grasp may come nearer if they are concerned. Camera and mirrors do if, searched
+        from those that were found, they miss fewer of the other requirements, or hide half as much
+        at most: searched from all starts takes several times as long.
         """
-        linkage = self.linkage(spec)
-        if missed_by_linkage(spec, linkage) and spec.linkage_spec() == other.linkage_spec():
+        linkage, same_links = self.linkage(spec), spec.linkage_spec() == other.linkage_spec()
+        if missed_by_linkage(spec, linkage) and same_links:
             return False
         now = self.mirrors(spec, linkage.finger)
-        if not missed_by_mirrors(spec, *now):
-            return True
-        if _optics(spec) == _optics(other):
+        unmet = missed_by_mirrors(spec, *now)
+        if not unmet:
+            return not same_links or spec.spring != other.spring
+        if _optics(spec) == _optics(other) or (MEMBRANE in unmet and spec.body == other.body):
             return False
         then = self.mirrors_near(other, spec)
         hidden, left = (1 - found.verdict.worst_coverage for found, _ in (now, then))

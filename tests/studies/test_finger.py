@@ -102,39 +102,59 @@ def test_the_other_starts_are_tried_where_the_first_is_not_enough(
     ("setting", "linkage", "now", "then", "helps"),
     [
         # The linkage alone misses something, and the setting is of the mirrors, or not.
-        ("mirrors.floor", ["angle"], ([], 1.0), ([], 1.0), False),
+        ("mirrors.room.mount", ["angle"], ([], 1.0), ([], 1.0), False),
         ("linkage.limits.width", ["angle"], ([], 1.0), ([], 1.0), True),
-        # The mirrors miss something, and the setting is of the linkage alone.
+        # The grasp alone, which the mirrors do not concern.
+        ("mirrors.room.mount", [], ([], 1.0), ([], 1.0), False),
+        ("linkage.limits.width", [], ([], 1.0), ([], 1.0), True),
+        ("spring.preload", [], ([], 1.0), ([], 1.0), True),
+        # The mirrors, and the setting is of the linkage alone.
         ("linkage.limits.width", [], (["coverage"], 0.9), ([], 1.0), False),
         # They come nearer, or do not.
-        ("mirrors.floor", [], (["coverage"], 0.9), (["coverage"], 0.951), True),
-        ("mirrors.floor", [], (["coverage"], 0.9), (["coverage"], 0.949), False),
-        ("mirrors.floor", [], (["coverage", "yield"], 0.9), (["coverage"], 0.8), True),
-        ("mirrors.floor", [], (["blur"], 1.0), (["blur"], 1.0), True),
+        ("mirrors.room.mount", [], (["coverage"], 0.9), (["coverage"], 0.951), True),
+        ("mirrors.room.mount", [], (["coverage"], 0.9), (["coverage"], 0.949), False),
+        ("mirrors.room.mount", [], (["coverage", "yield"], 0.9), (["coverage"], 0.8), True),
+        ("mirrors.room.mount", [], (["blur"], 1.0), (["blur"], 1.0), True),
+        # Both, and the setting is of both.
+        ("body.thickness", ["angle"], (["coverage"], 0.9), (["coverage"], 0.951), True),
+        ("body.thickness", ["angle"], (["coverage"], 0.9), (["coverage"], 0.949), False),
+        # How long membranes are is the body's.
+        ("mirrors.room.mount", [], (["membrane"], 1.0), (["membrane"], 1.0), False),
+        ("body.distal", [], (["membrane"], 1.0), ([], 1.0), True),
+        # Those that were found meet what is asked with the other setting.
+        ("mirrors.floor", [], (["px/mm"], 1.0), (["px/mm", "coverage"], 0.9), True),
     ],
 )
 def test_a_setting_could_help_that_brings_nearer_all_that_miss_something(
     monkeypatch, setting, linkage, now, then, helps
 ):
     spec = FingerSpec()
-    other = with_value(spec, setting, value_of(spec, setting) + 1)
+    other = with_value(spec, setting, value_of(spec, setting) + (-1 if "floor" in setting else 1))
     assert other is not None
-    missed = {}
+    unmet = {}
 
     def searched(spec, starts):
+        del spec
         name = "near" if starts == ["found"] else "found"
-        unmet, coverage = {"found": now, "near": then}[name]
+        missed, coverage = {"found": now, "near": then}[name]
         trial = Mock(spec=Trial, placement=name)
         verdict = Mock(spec=Verdict, worst_coverage=coverage)
         verdict.quality.return_value = (coverage, 2.5)
-        missed[verdict] = unmet
+        unmet[verdict] = missed
         return MirrorDesign(finger_of(), [trial], [verdict], [], 0), Mock(spec=Yield, value=0.0)
+
+    def missed(spec, mirrors, share):
+        del share
+        return [one for one in unmet[mirrors.verdict] if one != "px/mm" or spec.mirrors.floor > 2]
 
     designer = designing.Designer(Context(0, "float64", lambda _: nullcontext()))
     monkeypatch.setattr(designer, "linkage", lambda _: Mock(spec=LinkageDesign, finger=finger_of()))
     monkeypatch.setattr(designer, "_searched", searched)
     monkeypatch.setattr(designing, "missed_by_linkage", lambda *_: linkage)
-    monkeypatch.setattr(designing, "missed_by_mirrors", lambda _, one, __: missed[one.verdict])
+    monkeypatch.setattr(designing, "missed_by_mirrors", missed)
+    assert designer.could_help(spec, other) == helps
+    # What was searched for it is not searched again.
+    monkeypatch.setattr(designer, "_searched", None)
     assert designer.could_help(spec, other) == helps
 
 

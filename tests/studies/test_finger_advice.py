@@ -7,7 +7,16 @@ import pytest
 
 from designopt.study.settings import spec_with
 from studies.finger import FingerSpec, advice
-from studies.finger.advice import CARRIERS, LEVERS, Lever, advise, changed, value_of
+from studies.finger.advice import (
+    LEAST,
+    LEVERS,
+    MIRRORS,
+    NOTHING,
+    Lever,
+    advise,
+    changed,
+    value_of,
+)
 from studies.finger.designing import Designer
 from studies.models.body import BodySpec
 
@@ -31,8 +40,11 @@ class Thresholds(Designer):
         self.runs.append(spec)
         return [] if self.met(spec, 0.0) else ["coverage"]
 
-    def meets_near(self, spec: FingerSpec, other: FingerSpec) -> bool:
+    def meets_near(self, spec: FingerSpec, start: FingerSpec) -> bool:
         return self.met(spec, self.blind)
+
+    def with_own_linkages(self) -> Designer:
+        return self
 
     def could_help(self, spec: FingerSpec, other: FingerSpec) -> bool:
         self.designs += 1
@@ -98,7 +110,7 @@ def test_layers_get_thinner_in_proportion():
 def test_a_mirror_more_is_tried_on_either_phalanx():
     class Mirrors(Thresholds):
         def met(self, spec: FingerSpec, late: float) -> bool:
-            return value_of(spec, CARRIERS).count("proximal") > 0
+            return value_of(spec, MIRRORS).count("proximal") > 0
 
     spec = FingerSpec.model_validate({"mirrors": {"phalanges": ["distal"]}})
     [found] = advise(spec, Mirrors({}))
@@ -108,10 +120,37 @@ def test_a_mirror_more_is_tried_on_either_phalanx():
     given = found.words.split(" instead")[0].replace(" = ", "=")
     with_it = spec_with(FingerSpec, [given], study="finger")
     assert isinstance(with_it, FingerSpec)
-    assert value_of(with_it, CARRIERS) == found.needed
+    assert value_of(with_it, MIRRORS) == found.needed
     # With three there is no room for another one.
     full = FingerSpec.model_validate({"mirrors": {"phalanges": ["distal"] * 3}})
     assert advise(full, Mirrors({})) == []
+
+
+def test_every_lever_is_tried_as_far_as_it_is_accepted():
+    """One step is enough, also where a lever's greatest change is refused."""
+    for lever in LEVERS:
+        spec = FingerSpec.model_validate({"body": {"dip_range_deg": 90.0}})
+        if lever.setting == "mirrors.camera.fov_deg":
+            spec = FingerSpec.model_validate({"mirrors": {"camera": {"fov_deg": 200.0}}})
+        step = changed(spec, lever, 1)
+        assert step is not None
+        needed = float(np.sum(value_of(step, lever.setting)))
+        assert len(advise(spec, Thresholds({lever.setting: needed}))) == 1, lever
+
+
+def test_where_half_meets_everything_too_it_is_stated():
+    """The least change that is tried: half of it is not designed by the search for it."""
+    [found] = advise(FingerSpec(), Thresholds({"body.thickness": 25.001}))
+    assert found.needed - found.now == pytest.approx(0.5 * LEAST)
+    assert found.fails == NOTHING
+
+
+def test_a_change_counts_if_a_run_by_itself_meets_everything():
+    class Others(Thresholds):
+        def with_own_linkages(self) -> Designer:
+            return Thresholds({"body.thickness": 28.2 + 0.6})
+
+    assert advise(FingerSpec(), Others({"body.thickness": 28.2})) == []
 
 
 def test_what_does_not_help_is_not_advised():
@@ -128,9 +167,10 @@ def test_settings_that_are_refused_are_no_advice():
 
 
 def test_every_lever_is_a_setting():
-    """But for the field of view of a lens that is sold."""
+    """But for those that have no value by default."""
+    unset = {"mirrors.camera.fov_deg", "body.dip_range_deg"}
     for lever in LEVERS:
         if value_of(FingerSpec(), lever.setting) is None:
-            assert lever.setting == "mirrors.camera.fov_deg"
+            assert lever.setting in unset
         else:
             assert changed(FingerSpec(), lever, 0.0) == FingerSpec()

@@ -229,6 +229,9 @@ def test_those_that_miss_least_get_advice(monkeypatch):
         def finger(self, spec):
             return spec
 
+        def with_own_linkages(self):
+            return self
+
     def draw(count, seed):
         del seed
         for number in range(count):
@@ -239,7 +242,11 @@ def test_those_that_miss_least_get_advice(monkeypatch):
     def advise(spec, designer):
         assert isinstance(designer, Drawing)
         advised.append(spec)
-        return [Advice("body.thickness", "mm", 22.0, 24.5, 23.25, "a")] if spec == 4 else []
+        thickness = Advice("body.thickness", "mm", 22.0, 24.5, 23.25, "a")
+        mirror = Advice(
+            "mirrors.phalanges", "", ["distal"], ["distal", "proximal"], ["distal"], "b"
+        )
+        return [thickness, mirror] if spec == 4 else []
 
     def requirements(spec, found):
         assert spec == found
@@ -271,7 +278,10 @@ def test_those_that_miss_least_get_advice(monkeypatch):
     metrics = {one.name: one.value for one in results.metrics}
     assert metrics == {"contradicted": 2, "infeasible": 5, "helped": 1}
     tables = {one.name: one.rows for one in results.tables}
-    assert [(*row[:2], row[-1]) for row in tables["changes"]] == [(4, "body.thickness", "no")]
+    assert [(*row[:2], row[-1]) for row in tables["changes"]] == [
+        (4, "body.thickness", "no"),
+        (4, "mirrors.phalanges", "yes"),
+    ]
     # Those of as many mirrors together.
     assert [row[0] for row in tables["fingers"]] == [0, 2, 4, 1, 3, 5]
     assert [row[-1] for row in tables["fingers"]] == ["yes"] * 4 + ["no", "yes"]

@@ -125,7 +125,8 @@ def run(spec: FingerVerdictsSpec, context: Context) -> Results:
             for change in advise(one.spec, one.designer):
                 then = with_value(one.spec, change.setting, change.needed)
                 assert then is not None  # as it was designed
-                judged = judge(then, one.designer.finger(then), spec, context.seed)
+                designed = one.designer.with_own_linkages().finger(then)
+                judged = judge(then, designed, spec, context.seed)
                 changes.add(finger=one.number, **change.row, **columns(*judged))
     if len(changes):
         out.table("changes", changes)

@@ -30,8 +30,8 @@ class LimitsSpec(Spec):
     crank_length: Positive = setting(22.0, "greatest |EF| (mm)")
     crank_range_deg: float = setting(
         100.0,
-        "greatest turn of the crank (degrees); at 100 the motor's parallelogram, whose "
-        "transmission angle is the crank's angle, can keep 40",
+        "greatest turn of the crank; at 100 the motor's parallelogram, whose transmission angle is "
+        "the crank's angle, can keep 40 (degrees)",
         gt=0,
         le=180,
     )
@@ -42,7 +42,7 @@ class LimitsSpec(Spec):
     )
     transmission_deg: float = setting(40.0, "least transmission angle (degrees)", gt=0, lt=90)
     pinch_force: float = setting(
-        5.0, "least force that the straight distal pad holds at pinch_at (N); 0: any", ge=0, le=1e4
+        5.0, "least force that the straight distal pad holds at pinch_at; 0: any (N)", ge=0, le=1e4
     )
     pinch_at: Positive = setting(20.0, "k₂, place of that pinch from the DIP axis (mm)")
     tip_force: float = setting(
