@@ -66,7 +66,7 @@ LEVERS = (
 MIRRORS = "mirrors.phalanges"
 """The setting of what carries the mirrors, of which one more is tried."""
 
-NOTHING = "nothing; smaller changes were not tried"
+UNTRIED = "nothing; smaller changes were not tried"
 """What half of the smallest change that is tried misses if it meets everything, too."""
 
 
@@ -119,7 +119,7 @@ def advise(spec: FingerSpec, designer: Designer) -> list[Advice]:
             continue  # as of the field of view of a lens that is sold, or of bare pads
         if (steps := _smallest(spec, lever, designer)) is not None:
             half, designed = changed(spec, lever, steps / 2), designer.with_own_linkages()
-            fails = "; ".join(["refused"] if half is None else designed.missed(half)) or NOTHING
+            fails = "; ".join(["refused"] if half is None else designed.missed(half)) or UNTRIED
             needed, middle = (_value(spec, lever, part) for part in (steps, steps / 2))
             found.append(Advice(name, units[name], now, needed, middle, fails))
     now = value_of(spec, MIRRORS)
@@ -133,11 +133,9 @@ def advise(spec: FingerSpec, designer: Designer) -> list[Advice]:
 
 def _smallest(spec: FingerSpec, lever: Lever, designer: Designer) -> float | None:
     """Steps of the smallest change that meets everything; none if no change of it was found to."""
-    steps_down = range(lever.most, 0, -1)
-    accepted = [(steps, changed(spec, lever, steps)) for steps in steps_down]
-    most, greatest = next((one for one in accepted if one[1] is not None), (0, None))
-    if greatest is None:
-        return None
+    most = lever.most
+    while (greatest := changed(spec, lever, most)) is None:
+        most -= 1  # to 0 at the most, where they are as they were
     forget_programs_if_many()
     if not designer.could_help(spec, greatest):
         return None

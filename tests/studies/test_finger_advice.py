@@ -11,7 +11,7 @@ from studies.finger.advice import (
     LEAST,
     LEVERS,
     MIRRORS,
-    NOTHING,
+    UNTRIED,
     Lever,
     advise,
     changed,
@@ -142,7 +142,7 @@ def test_where_half_meets_everything_too_it_is_stated():
     """The least change that is tried: half of it is not designed by the search for it."""
     [found] = advise(FingerSpec(), Thresholds({"body.thickness": 25.001}))
     assert found.needed - found.now == pytest.approx(0.5 * LEAST)
-    assert found.fails == NOTHING
+    assert found.fails == UNTRIED
 
 
 def test_a_change_counts_if_a_run_by_itself_meets_everything():
