@@ -269,7 +269,7 @@ def requirements(spec: FingerSpec, found: FingerDesign) -> Records:
         if check.name in OPTICAL:
             line(OPTICAL[check.name], "this project", *in_words(check), check.met)
     rooms = [one for one in others if one.name not in OPTICAL and not one.name.startswith(SPARE)]
-    amounts = [f"{one.name} {one.achieved:.3g} mm" for one in rooms if not one.met]
+    amounts = [f"{one.name} {one.achieved:.4g} mm" for one in rooms if not one.met]
     asked, kept = f"≥ {spec.mirrors.room.clearance:g} mm, camera inside", "every clearance kept"
     reached = "; ".join(amounts) or kept
     line("clearance of mirrors, mounts and camera", "this project", asked, reached, not amounts)
@@ -286,7 +286,7 @@ def requirements(spec: FingerSpec, found: FingerDesign) -> Records:
     asked, reached = f"≤ {width.required:g} mm", f"{width.achieved:g} mm"
     line("width with pads, LED strips, walls and links", "§3.1", asked, reached, width.met)
     name = "links inside the phalanges, apart, away from lock-up"
-    amounts = [f"{one.name} {one.achieved:.3g} {one.unit}".strip() for one in unmet]
+    amounts = [f"{one.name} {one.achieved:.4g} {one.unit}".strip() for one in unmet]
     line(name, "§3.1.2", "every limit kept", "; ".join(amounts) or "every limit kept", not unmet)
     if found.grasp is not None:
         straight, touching = found.grasp.free_closing_pip_deg, found.grasp.adaptive_dip_deg
