@@ -11,6 +11,7 @@ from designopt.errors import UserError
 from designopt.explore.bench import Bench
 from designopt.export.drawing import Drawing
 from designopt.export.json import Quantity
+from designopt.export.parts import Assembly
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,7 @@ class DesignKind:
         drawing: it drawn to scale in its reference pose.
         quantities: every number of it.
         mjcf: the text of a MuJoCo model of it; ``None`` where nothing of it moves.
+        assembly: it as parts to make; ``None`` where it has no width.
         command: what computes something of such a file, for messages.
         shared: tables of other kinds that files of this kind have as well.
     """
@@ -40,6 +42,7 @@ class DesignKind:
     drawing: Callable[[Any], Drawing]
     quantities: Callable[[Any], Sequence[Quantity]]
     mjcf: Callable[[Any], str] | None = None
+    assembly: Callable[[Any], Assembly] | None = None
     command: str = "designopt explore"
     shared: tuple[str, ...] = ()
 
@@ -80,3 +83,16 @@ class Design:
                 "study that designs a linkage, such as 'finger-linkage'"
             )
         return self.kind.mjcf(self.model)
+
+    def assembly(self) -> Assembly:
+        """It as parts to make and to buy.
+
+        Raises:
+            UserError: such a design is lines in a plane, or this one lacks what its parts need.
+        """
+        if self.kind.assembly is None:
+            raise UserError(
+                f"{self.name}: a {self.kind.name} has no thickness, so that there are no parts to "
+                "make; export a finger, such as 'finger' or the folder of a result of it"
+            )
+        return self.kind.assembly(self.model)

@@ -19,6 +19,9 @@ class Format(StrEnum):
     svg = "svg"
     mjcf = "mjcf"
     json = "json"
+    step = "step"
+    bom = "bom"
+    sheet = "sheet"
 
 
 def _folder(text: str | Path) -> Path:
@@ -39,7 +42,8 @@ def export(
         list[Format],
         typer.Option(
             "--to",
-            help="DXF for CAD, SVG, MJCF for MuJoCo, or JSON with every number; may be repeated.",
+            help="DXF for CAD, SVG, MJCF for MuJoCo, JSON with every number; of a finger also STEP "
+            "solids, a bill of materials (CSV) and an assembly sheet (PDF); may be repeated.",
         ),
     ],
     out: Annotated[
@@ -58,7 +62,7 @@ def export(
     """Export a design to CAD, drawing, simulation or numbers.
 
     Example:
-      designopt export finger --to dxf --to json --out cad
+      designopt export finger --to dxf --to bom --out cad
     """
     # Imported here, so that neither listing the commands nor a wrong name loads JAX.
     from designopt.designs import check_design

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
@@ -13,11 +14,24 @@ from designopt.design_kind import Design
 from designopt.designs import kind_of, load_design
 from designopt.errors import UserError
 from designopt.export.json import json_text
+from designopt.export.parts import bill_text
 from designopt.export.svg import svg_text
 from designopt.io.files import check_targets, replaced_when_complete
 
-ENDINGS = {"dxf": ".dxf", "svg": ".svg", "mjcf": ".xml", "json": ".json"}
+ENDINGS = {
+    "dxf": ".dxf",
+    "svg": ".svg",
+    "mjcf": ".xml",
+    "json": ".json",
+    "step": ".step",
+    "bom": "-parts.csv",
+    "sheet": "-sheet.pdf",
+}
 """Endings of the files by their format."""
+
+MODULES = {"dxf": "dxf", "step": "solids"}
+NEEDED = {"dxf": ("ezdxf", "export"), "step": ("cadquery-ocp-novtk", "cad")}
+"""Modules of the formats that need more packages: what is missing then, and the extra with it."""
 
 
 def export_design(
@@ -60,7 +74,7 @@ def export_design(
         # All are complete before the first takes its place.
         for path, text in zip(paths, texts.values(), strict=True):
             partial = stack.enter_context(replaced_when_complete(path))
-            partial.write_text(text, encoding="utf-8", newline="")
+            partial.write_bytes(text if isinstance(text, bytes) else text.encode())
     return paths
 
 
@@ -91,18 +105,34 @@ def _is_folder(out: Path) -> bool:
     return nearest == out
 
 
-def _writer(form: str) -> Callable[[Design], str]:
-    """From a design to a file's text."""
-    if form == "svg":
-        return lambda design: svg_text(design.drawing())
-    if form == "json":
-        return lambda design: json_text(design.name, design.quantities())
-    if form == "mjcf":
-        return lambda design: design.mjcf()
+def _writer(form: str) -> Callable[[Design], str | bytes]:
+    """From a design to a file's content."""
+    match form:
+        case "svg":
+            return lambda design: svg_text(design.drawing())
+        case "json":
+            return lambda design: json_text(design.name, design.quantities())
+        case "mjcf":
+            return lambda design: design.mjcf()
+        case "bom":
+            return lambda design: bill_text(design.assembly())
+        case "sheet":
+            return _sheet
     try:
-        from designopt.export.dxf import dxf_text
+        module = importlib.import_module(f"designopt.export.{MODULES[form]}")
     except ModuleNotFoundError as error:
+        package, extra = NEEDED[form]
         raise UserError(
-            "--to dxf: the package ezdxf is missing; install designopt[export]"
+            f"--to {form}: the package {package} is missing; install designopt[{extra}]"
         ) from error
-    return lambda design: dxf_text(design.drawing())
+    if form == "dxf":
+        return lambda design: module.dxf_text(design.drawing())
+    return lambda design: module.step_text(design.name, design.assembly().parts)
+
+
+def _sheet(design: Design) -> bytes:
+    from designopt.export.sheet import sheet_pdf
+    from designopt.plot.figures import style
+
+    with style():
+        return sheet_pdf(design.assembly())

@@ -7,8 +7,7 @@ import math
 from collections.abc import Callable, Container, Sequence
 from typing import Literal, NamedTuple
 
-Place = tuple[float, float]
-"""x and y, mm; y upwards."""
+from designopt.export.arcs import Place, arc_line
 
 Kind = Literal["body", "mirror", "pad", "blocker", "camera", "construction"]
 
@@ -30,11 +29,19 @@ class Layer(NamedTuple):
 
 
 class Polyline(NamedTuple):
-    """A line through places, closed or not."""
+    """A line through places, closed or not; ``bulges`` of its edges as in `designopt.export.arcs`.
+
+    Without them all edges are straight.
+    """
 
     layer: str
     places: Sequence[Place]
     closed: bool = False
+    bulges: Sequence[float] = ()
+
+    def line(self) -> list[Place]:
+        """Its places, and more of them on its arcs."""
+        return arc_line(self.places, self.bulges, closed=self.closed)
 
 
 class Circle(NamedTuple):
@@ -85,7 +92,7 @@ class Drawing(NamedTuple):
     def box(self) -> tuple[Place, Place]:
         """Lower left and upper right corner of what the picture has to hold."""
         framed = {layer.name for layer in self.layers if layer.framed}
-        places = [p for line in self.polylines if line.layer in framed for p in line.places]
+        places = [p for line in self.polylines if line.layer in framed for p in line.line()]
         for circle in self.circles:
             if circle.layer in framed:
                 (x, y), radius = circle.center, circle.radius

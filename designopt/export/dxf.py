@@ -115,10 +115,13 @@ def _draw_design(space: Modelspace, sheet: Drawing, layers: Mapping[str, str]) -
     space.doc.appids.add(PROGRAM)
     for polyline in sheet.polylines:
         attributes = {"layer": layers[polyline.layer]}
-        if len(polyline.places) == 2:
+        if len(polyline.places) == 2 and not polyline.bulges:
             space.add_line(polyline.places[0], polyline.places[1], attributes)
         else:
-            space.add_lwpolyline(polyline.places, close=polyline.closed, dxfattribs=attributes)
+            bulges = [*polyline.bulges, *[0.0] * (len(polyline.places) - len(polyline.bulges))]
+            points = [(*at, bulge) for at, bulge in zip(polyline.places, bulges, strict=True)]
+            closed = polyline.closed
+            space.add_lwpolyline(points, "xyb", close=closed, dxfattribs=attributes)
     for circle in sheet.circles:
         attributes = {"layer": layers[circle.layer]}
         entity = space.add_circle(circle.center, circle.radius, attributes)

@@ -59,9 +59,8 @@ class Clutter:
         """The lines and circles of a sheet."""
         parts = [np.zeros((0, 2))]
         for polyline in sheet.polylines:
-            places = (
-                np.array([*polyline.places, *polyline.places[: polyline.closed]], float) * scale
-            )
+            line = polyline.line()
+            places = np.array([*line, *line[: polyline.closed]], float) * scale
             parts += [_sampled(start, end) for start, end in itertools.pairwise(places)]
         turns = np.arange(0, 2 * np.pi, 0.3)
         ring = np.stack([np.cos(turns), np.sin(turns)], axis=-1)

@@ -6,7 +6,8 @@ import re
 import xml.etree.ElementTree as ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from designopt.export.drawing import Drawing, unused_name
+from designopt.export.arcs import arc_radius
+from designopt.export.drawing import Drawing, Polyline, unused_name
 from designopt.export.line_styles import LineStyle, line_styles_of
 from designopt.export.placing import Clutter
 
@@ -42,6 +43,9 @@ def svg_text(sheet: Drawing) -> str:
     for name, group in groups.items():
         _paint(group, looks[name], unit)
     for line in sheet.polylines:
+        if line.bulges:
+            _child(groups[line.layer], "path", d=_path(line))
+            continue
         kind = "polygon" if line.closed else "polyline"
         points = " ".join(f"{x!r},{_down(y)!r}" for x, y in line.places)
         _child(groups[line.layer], kind, points=points)
@@ -86,6 +90,22 @@ def _paint(group: Element, look: LineStyle, unit: float) -> None:
     group.attrib |= {"fill": "none", "stroke": look.color, **looks}
     if look.dashed:
         group.set("stroke-dasharray", f"{3 * unit:.6g} {1.5 * unit:.6g}")
+
+
+def _path(line: Polyline) -> str:
+    """A line with arcs as data of a path."""
+    ends = [*line.places[1:], *line.places[: line.closed]]
+    (x, y), *_ = line.places
+    found = [f"M {x!r},{_down(y)!r}"]
+    for start, end, bulge in zip(line.places, ends, line.bulges, strict=False):
+        place = f"{end[0]!r},{_down(end[1])!r}"
+        if bulge:
+            radius = arc_radius(start, end, bulge)
+            # With y downwards, what is counter-clockwise here is against SVG's positive angles.
+            found.append(f"A {radius!r} {radius!r} 0 {abs(bulge) > 1:d} {bulge < 0:d} {place}")
+        else:
+            found.append(f"L {place}")
+    return " ".join([*found, "Z"] if line.closed else found)
 
 
 def _down(y: float) -> float:

@@ -27,6 +27,7 @@ from kinematics.export.mjcf_bodies import (
     Bodies,
     Coordinates,
     Disc,
+    Eye,
     Pad,
     Reading,
     Volume,
@@ -105,6 +106,8 @@ def linkage_mjcf(
     pads: Sequence[Pad] = (),
     discs: Sequence[Disc] = (),
     volumes: Sequence[Volume] = (),
+    eyes: Sequence[Eye] = (),
+    angles: Mapping[str, Pair] | None = None,
 ) -> str:
     """The text of a MuJoCo model of a linkage, in SI units.
 
@@ -123,6 +126,9 @@ def linkage_mjcf(
         discs: objects for them to touch.
         volumes: what bodies take up. Those of bodies that share a joint do not touch each other;
             ``<contact>`` lists these pairs.
+        eyes: cameras.
+        angles: sensors by name: the angle of the second body relative to the first, rad, 0 in the
+            assembled sketch. The motors have sensors, too, of their places and forces.
 
     Raises:
         UserError: a motor, stop, pad or volume names what is not there or cannot be, or the
@@ -142,7 +148,7 @@ def linkage_mjcf(
     root.append(Comment(UNITS))
     _settings(root, scale, size)
     bodies = Bodies(linkage, coordinates, parts)
-    bodies.write(add(root, "worldbody"), pads, discs, volumes)
+    bodies.write(add(root, "worldbody"), pads, discs, volumes, eyes)
     if volumes:
         contact = add(root, "contact")
         for first, second in _joined_bodies(linkage, [volume.body for volume in volumes]):
@@ -159,12 +165,20 @@ def linkage_mjcf(
     driven = [part for part in structure.inputs if motors is None or part.name in motors]
     for part in driven:
         forces.motor(part, None if motors is None else motors[part.name])
+    sensors = Element("sensor")
+    for name, pair in (angles or {}).items():
+        forces.angle(sensors, name, coordinates.angle(pair[1], pair[0]))
+    for part in driven if angles else ():
+        for kind in ("pos", "frc"):
+            add(sensors, f"actuator{kind}", name=f"{part.name} {kind}", actuator=part.name)
     equality = Element("equality")
     for pin in tree.closures:
         sites = [site_name(pin.joint, body) for body in pin.bodies]
         name = f"{pin.joint} of {' and '.join(pin.bodies)}"
         add(equality, "connect", name=name, site1=sites[0], site2=sites[1])
-    root.extend([group for group in (forces.tendons, equality, forces.actuators) if len(group)])
+    root.extend(
+        [group for group in (forces.tendons, equality, forces.actuators, sensors) if len(group)]
+    )
     if driven:
         values = [
             coordinates.inputs[part.name] * (MM if part.body is None else 1) for part in driven
@@ -268,6 +282,11 @@ class _Forces:
             biastype="affine",
             biasprm=numbers(-gain * reading.constant, -gain, -damping),
         )
+
+    def angle(self, sensors: Element, name: str, reading: Reading) -> None:
+        """A sensor of an angle, which a tendon without stiffness sums up."""
+        self._tendon(name, reading)
+        add(sensors, "tendonpos", name=name, tendon=name)
 
     def _free(self, reading: Reading, key: str) -> tuple[Element, int] | None:
         """The only joint that a reading reads, unless it has such an attribute already."""

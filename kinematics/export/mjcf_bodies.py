@@ -188,6 +188,27 @@ class Volume:
     across: tuple[float, float]
 
 
+@dataclass(frozen=True)
+class Eye:
+    """A pinhole camera on a body, with a square picture.
+
+    Attributes:
+        name: of it.
+        body: which it is part of.
+        position: of the pinhole in the assembled sketch, mm.
+        direction: of its axis there, counter-clockwise from +x, rad.
+        field_of_view: rad.
+        pixels: along either side.
+    """
+
+    name: str
+    body: str
+    position: Point
+    direction: float
+    field_of_view: float
+    pixels: int
+
+
 SOLID = 2
 """Bit of ``contype`` and ``conaffinity`` by which volumes touch each other and nothing else."""
 
@@ -240,6 +261,7 @@ class Bodies:
         pads: Sequence[Pad],
         discs: Sequence[Disc],
         volumes: Sequence[Volume],
+        eyes: Sequence[Eye],
     ) -> None:
         """Write everything.
 
@@ -248,6 +270,7 @@ class Bodies:
             pads: of any bodies.
             discs: objects.
             volumes: of any bodies.
+            eyes: on any bodies.
         """
         tree, at = self._coordinates.tree, self._coordinates.tree.joints
         blocks = [block_of(self._structure, i) for i in range(len(tree.directions))]
@@ -293,6 +316,9 @@ class Bodies:
                 elements[volume.body] = add(world, "body", name=volume.body)
             own = volume.body if node == WORLD else node
             self._volume(elements[own], volume, origins[node])
+        for eye in eyes:
+            node = self._structure.node(eye.body)
+            self._eye(elements[node], eye, origins[node])
 
     def _rods(self, element: Element, body: str, origin: np.ndarray) -> None:
         for start, end in self._parts[body]:
@@ -335,6 +361,19 @@ class Bodies:
         box["rgba"] = color(self._colors[pad.body])
         add(element, "site", **box)
         add(element, "geom", **box, contype=1)  # touches what has conaffinity=1
+
+    def _eye(self, element: Element, eye: Eye, origin: np.ndarray) -> None:
+        cosine, sine = math.cos(eye.direction), math.sin(eye.direction)
+        add(
+            element,
+            "camera",
+            name=eye.name,
+            pos=place(np.array(eye.position) - origin),
+            # It looks along −z of its own; its x lies in the plane, to the left of its axis.
+            xyaxes=numbers(-sine, cosine, 0, 0, 0, -1),
+            fovy=math.degrees(eye.field_of_view),  # whatever the unit of other angles
+            resolution=f"{eye.pixels} {eye.pixels}",
+        )
 
     def _volume(self, element: Element, volume: Volume, origin: np.ndarray) -> None:
         corners = [np.array(corner) - origin for corner in volume.corners]

@@ -13,5 +13,6 @@ FINGER = DesignKind(
     drawing=lazily("studies.finger.drawing:make_finger_drawing"),
     quantities=lazily("studies.finger.drawing:finger_quantities"),
     mjcf=lazily("studies.models.grasp.mjcf:grasp_mjcf"),
+    assembly=lazily("studies.models.manufacture.parts:make_assembly"),
     shared=("camera",),
 )

@@ -16,6 +16,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from designopt.design_kind import Design
+from designopt.export.parts import Assembly
+from designopt.export.sheet import draw_assembly
 from designopt.plot.figures import PALETTE
 from designopt.study.records import Records
 from designopt.study.report import Report
@@ -37,6 +39,7 @@ from studies.models.finger_file import packaged_or_designed, read_finger
 from studies.models.grasp.figures import draw_sequences
 from studies.models.linkage_design.figures import add_figures, draw_straight
 from studies.models.linkage_design.tables import add_tables
+from studies.models.manufacture.parts import make_assembly
 from studies.models.mirror_design.clearances import layer_outlines, mirror_outlines
 from studies.models.mirror_design.figures import draw_views, drawn_postures
 from studies.models.mirror_design.requirements import (
@@ -74,7 +77,10 @@ def run(spec: FingerSpec, context: Context) -> Results:
     out.table("dimensions", dimensions(found.finger))
     add_requirements(out, found.mirrors, found.share, spec.mirrors)
     add_tables(out, spec.linkage.limits, found.linkage)
+    assembly = make_assembly(found.finger)
+    out.table("bill", bill(assembly))
     out.figure("drawing", draw_section(found.finger), most=4)
+    out.figure("parts", draw_assembly(assembly))
     verdict = found.mirrors.verdict
     degrees = ", ".join(f"{verdict.degrees[i]:g}" for i in drawn_postures(verdict))
     out.figure("views", draw_views(found.mirrors.finger.scene(), verdict), degrees=degrees)
@@ -149,6 +155,14 @@ def dimensions(finger: Finger) -> Records:
     parts, names, values, units = zip(*rows, strict=True)
     numbers = [float(value) for value in values]
     return Records({"part": parts, "dimension": names, "value": numbers, "unit": units})
+
+
+def bill(assembly: Assembly) -> Records:
+    """The bill of materials."""
+    rows = Records()
+    for row in assembly.bill():
+        rows.add(**row._asdict())
+    return rows
 
 
 def add_metrics(out: Report, found: FingerDesign, lines: Records) -> None:

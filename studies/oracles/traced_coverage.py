@@ -12,13 +12,14 @@ clear end within 0.01 mm of the membrane.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from studies.oracles.finger_tables import scene_of_finger
 from studies.oracles.judge.frames import union
-from studies.oracles.judge.solids import Pose, Tables
+from studies.oracles.judge.solids import Face, Pose, Tables
 from studies.oracles.judge.tracing import Tracer
 
 RAYS = 2000
@@ -33,7 +34,11 @@ more (rad): a ray that slips through the seam of two faces misses a refraction, 
 """
 
 
-def traced_coverage(path: str | Path, degrees: np.ndarray) -> np.ndarray:
+def traced_coverage(
+    path: str | Path,
+    degrees: np.ndarray,
+    solids: Callable[[float, float], Sequence[Face]] | None = None,
+) -> np.ndarray:
     """The part of every pad that some ray reaches.
 
     Only rays count that lie in the field of view, meet the surface that they enter under no less
@@ -42,20 +47,28 @@ def traced_coverage(path: str | Path, degrees: np.ndarray) -> np.ndarray:
     Args:
         path: of a finger's file.
         degrees: flexions of PIP and DIP, shape (poses, 2).
+        solids: from these angles to opaque faces in the intermediate phalanx's frame, which stand
+            in the way in place of the section's blockers.
 
     Returns:
         Of the proximal, intermediate and distal pad, 0 to 1, shape (poses, 3).
     """
     tables = scene_of_finger(path)
-    poses = [{"pip": pip, "dip": dip} for pip, dip in np.asarray(degrees, float).tolist()]
-    return np.array([_in_pose(tables, pose) for pose in poses])
+    if solids is not None:
+        tables["blockers"] = []
+    return np.array(
+        [
+            _in_pose(tables, {"pip": pip, "dip": dip}, solids(pip, dip) if solids else ())
+            for pip, dip in np.asarray(degrees, float).tolist()
+        ]
+    )
 
 
-def _in_pose(tables: Tables, pose: Pose) -> list[float]:
+def _in_pose(tables: Tables, pose: Pose, solids: Sequence[Face]) -> list[float]:
     """Coverage of every pad in one pose."""
     camera = tables["camera"]
     eye = complex(*camera["position"])
-    tracer = Tracer(tables, pose, eye)
+    tracer = Tracer(tables, pose, eye, solids=solids)
     lengths = np.array([frame.length for frame in tracer.pads])
     axis, half = (math.radians(camera[key]) for key in ("direction_deg", "fov_deg"))
     half /= 2

@@ -65,9 +65,12 @@ def test_the_outline_is_the_body_and_holds_the_pads(finger, space):
 def test_layers_are_those_of_both_parts_once(finger):
     names = [layer.name for layer in finger.drawing().layers]
     assert len(set(names)) == len(names)
-    bodies = list(LINKAGE["bodies"])
+    phalanges = "proximal", "intermediate", "distal"
+    walls = [f"{name} wall" for name in phalanges]
+    bars = [name for name in LINKAGE["bodies"] if name not in phalanges]
+    mirrors = [f"{mirror['name']} mirror" for mirror in SCENE["mirrors"]]
     optics = ["mirrors", "pads", "blockers", "layers", "camera", "field of view"]
-    assert names == [*bodies, *optics, "outline"]
+    assert sorted(names) == sorted([*walls, *bars, *mirrors, *optics, "outline"])
 
 
 def test_every_number_of_both_files_is_among_the_numbers(finger):

@@ -27,7 +27,7 @@ from studies.finger import FingerSpec
 from studies.finger.run import finger_design, spring_from
 from studies.models import Finger
 from studies.models.finger import PHALANGES, links_of, pins_of
-from studies.models.finger_file import bare_finger
+from studies.models.finger_file import bare_finger, packaged_finger
 from studies.models.grasp import cases
 from studies.models.grasp.analysis import analyze
 from studies.models.grasp.closing import Path, close_all, there_and_back
@@ -36,7 +36,7 @@ from studies.models.grasp.objects import Circle
 from studies.models.grasp.pinch import loading, predict
 from studies.models.grasp.spec import GraspSpec
 from studies.models.grasp.transfer import pads
-from tests.kinematics.simulated import Simulated
+from tests.kinematics.simulated import Simulated, mujoco
 
 ANGLE, GAP = math.radians(0.5), 0.05
 """Differences (rad) and gaps (mm) that were asked for."""
@@ -286,3 +286,37 @@ def test_parts_that_run_into_each_other_touch():
     simulated.run(0.5)  # held by what it touches it does not come to rest
     pairs = {frozenset(name.split(",")[0] for name in pair) for pair in touching(simulated)}
     assert frozenset(("bar", "axle A of proximal")) in pairs
+
+
+def test_sensors_read_the_joints_and_the_camera_looks_at_the_pads():
+    finger = packaged_finger()
+    model = mujoco.MjModel.from_xml_string(grasp_mjcf(finger))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    start = data.ctrl[0]
+    for step in range(3000):
+        data.ctrl[0] = start - min(step, 1000) * 1e-3
+        mujoco.mj_step(model, data)
+    assert np.all(np.isfinite(data.qpos))
+    assert not np.any(data.warning.number)
+    pip, dip, theta = (data.sensor(name).data[0] for name in ("pip", "dip", "theta pos"))
+    # By the turns of the bodies themselves; flexion is clockwise.
+    turns = [_turn(data, body) for body in ("intermediate", "distal")]
+    np.testing.assert_allclose([pip, dip], [-turns[0], turns[0] - turns[1]], atol=1e-6)
+    assert pip > 1.0
+    assert theta == pytest.approx(start - 1.0, abs=0.1)
+    # The camera is where the scene has it, turned with its phalanx, and looks along its axis.
+    camera, scene = data.camera("camera"), finger.scene().camera
+    turned = np.exp(1j * turns[0])
+    x, y = (float(part) * 1e-3 for part in scene.position)
+    wanted = turned * complex(x, y)
+    np.testing.assert_allclose(camera.xpos, [wanted.real, wanted.imag, 0], atol=1e-6)
+    ahead = turned * np.exp(1j * float(scene.direction))
+    np.testing.assert_allclose(-camera.xmat[2::3], [ahead.real, ahead.imag, 0], atol=1e-6)
+    assert 0 < model.cam_fovy[0] <= 120
+
+
+def _turn(data, body):
+    """Of a body about +z, rad."""
+    matrix = data.body(body).xmat.reshape(3, 3)
+    return np.arctan2(matrix[1, 0], matrix[0, 0])

@@ -8,16 +8,21 @@ softness of `kinematics.export.mjcf` (loops ``solref`` −1e8, −2e4; stops and
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from kinematics.export.mjcf import Stop, linkage_mjcf
-from kinematics.export.mjcf_bodies import Disc, Pad, Volume
-from studies.models.finger import PHALANGES, Finger, spring_of
+from kinematics.export.mjcf_bodies import Disc, Eye, Pad, Volume
+from studies.models.finger import PHALANGES, Finger, camera_of, spring_of
 from studies.models.grasp.objects import Circle
 from studies.models.linkage_design.problem import pin_places
 from studies.models.links import OUTLINES
 
 Place = tuple[float, float]
+
+WIDEST = math.radians(120.0)
+"""Field of view of a simulator's camera at most: a flat picture of more is all edge."""
 
 MOTOR = "theta"
 """The input that the motor turns: the crank's angle. Closing makes it smaller."""
@@ -77,7 +82,8 @@ def grasp_mjcf(finger: Finger, thing: Circle | None = None) -> str:
     It has what `conditions.energy` has: the spring, the servo between the motor's angle (the
     control of the actuator `MOTOR`) and the crank, stops of PIP and DIP, and pads that touch an
     object without friction. The proximal pad is there for objects that a user adds. Parts touch
-    each other, but for those of bodies that share a pin; see `finger_volumes`.
+    each other, but for those of bodies that share a pin; see `finger_volumes`. Sensors ``pip`` and
+    ``dip`` read the flexion of the joints, and there is the finger's camera.
 
     Args:
         finger: its body, pins and spring.
@@ -105,4 +111,14 @@ def grasp_mjcf(finger: Finger, thing: Circle | None = None) -> str:
         ],
         discs=discs,
         volumes=finger_volumes(finger),
+        eyes=[_eye(finger)] if finger.camera is not None else [],
+        angles={"pip": ("intermediate", "proximal"), "dip": ("distal", "intermediate")},
     )
+
+
+def _eye(finger: Finger) -> Eye:
+    """The camera as a pinhole: a simulator's camera has no other lens, so that it sees less."""
+    sold = camera_of(finger).at(finger.body.dorsal)
+    x, y = np.asarray(sold.position, float).tolist()
+    field, pixels = min(float(sold.field_of_view), WIDEST), round(float(sold.pixels))
+    return Eye("camera", "intermediate", (x, y), float(sold.direction), field, pixels)

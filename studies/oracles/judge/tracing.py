@@ -6,6 +6,7 @@ Geometry decides what is hit and Mitsuba where light goes; here is only the acco
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -98,6 +99,7 @@ class Tracer:
         lamps: whether the pads have lamps.
         housing: whether there are walls on both sides of everything.
         contacts: what is pressed into membranes.
+        solids: further faces.
     """
 
     def __init__(
@@ -110,9 +112,10 @@ class Tracer:
         lamps: bool = False,
         housing: bool = False,
         contacts: Contacts | None = None,
+        solids: Sequence[Face] = (),
     ) -> None:
         groups: dict[Material, list[Face]] = {}
-        for face in faces_of(tables, pose, only, spare, lamps, housing):
+        for face in (*faces_of(tables, pose, only, spare, lamps, housing), *solids):
             groups.setdefault(face.material, []).append(face)
         moved = origin if isinstance(origin, np.ndarray) else [origin.real, origin.imag, 0.0]
         moved = np.asarray(moved, float)

@@ -1,0 +1,253 @@
+"""The parts of a finger: by the CAD kernel, by polygons, and by a path tracer's rays."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import shapely
+from ezdxf.entities.lwpolyline import LWPolyline
+
+from designopt import UserError
+from designopt.export.drawing import Polyline
+from designopt.export.parts import Part, Prism, around
+from studies.finger.drawing import make_finger_drawing
+from studies.models import packaged_finger
+from studies.models.finger_file import write_finger
+from studies.models.links import OUTLINES
+from studies.models.manufacture.parts import make_assembly, make_parts
+from studies.models.manufacture.plates import make_plates
+from studies.models.manufacture.section import Section
+from tests.designopt.export.reading import opened
+
+
+@pytest.fixture(scope="module")
+def finger():
+    return packaged_finger()
+
+
+@pytest.fixture(scope="module")
+def parts(finger):
+    return make_parts(finger)
+
+
+@pytest.fixture(scope="module")
+def written(finger, parts, tmp_path_factory):
+    """The STEP file as the kernel reads it back, and the files themselves."""
+    pytest.importorskip("OCP")
+    from designopt.export.solids import step_text
+    from studies.oracles.solids import read_solids
+
+    folder = tmp_path_factory.mktemp("parts")
+    (folder / "finger.step").write_text(step_text("finger", parts), encoding="utf-8")
+    write_finger(finger, folder / "finger.toml")
+    return read_solids(folder / "finger.step"), folder
+
+
+def polygon(outline):
+    return shapely.Polygon(outline.line(1e-4))
+
+
+def test_bars_are_what_lies_within_half_their_width_of_their_pins(finger):
+    plates, pins = {plate.name: plate for plate in make_plates(finger)}, Section.of(finger).pins
+    half = float(finger.links.bar_width) / 2
+    for bar, names in OUTLINES.items():
+        places = [pins[name] for name in names]
+        wanted = shapely.MultiPoint(places).convex_hull.buffer(half, quad_segs=1000)
+        assert polygon(plates[bar].outline).symmetric_difference(wanted).area < 1e-3
+        assert [hole.center for hole in plates[bar].holes] == places
+        assert {hole.radius for hole in plates[bar].holes} == {float(finger.links.pin_diameter) / 2}
+
+
+def test_walls_have_room_for_their_holes(finger):
+    for plate in make_plates(finger):
+        inside = polygon(plate.outline)
+        for hole in plate.holes:
+            ring = hole.radius + (0.99 * float(finger.links.shell) if "wall" in plate.name else 0.9)
+            if "wall" not in plate.name or hole.name not in "FGC":
+                assert inside.contains(shapely.Point(hole.center).buffer(ring)), (plate.name, hole)
+
+
+def test_every_outline_of_the_drawing_is_closed_with_its_holes(finger):
+    space = opened(make_finger_drawing(finger)).modelspace()
+    section = Section.of(finger)
+    for plate in make_plates(finger):
+        (line,) = space.query(f"LWPOLYLINE[layer=='{plate.name}']")
+        assert isinstance(line, LWPolyline)
+        assert line.closed
+        circles = space.query(f"CIRCLE[layer=='{plate.name}']")
+        found = sorted((*map(float, one.dxf.center.vec2), one.dxf.radius) for one in circles)
+        wanted = sorted((*hole.center, hole.radius) for hole in plate.holes)
+        np.testing.assert_allclose(np.reshape(found, (-1, 3)), np.reshape(wanted, (-1, 3)))
+        # The area that ezdxf's own arcs enclose.
+        edges = [
+            [*edge.flattening(1e-4)] if edge.dxftype() == "ARC" else [edge.dxf.start, edge.dxf.end]
+            for edge in line.virtual_entities()
+        ]
+        drawn = shapely.MultiLineString([[(at.x, at.y) for at in edge] for edge in edges])
+        (area,) = shapely.polygonize([shapely.set_precision(drawn, 1e-6)]).geoms
+        assert area.area == pytest.approx(plate.outline.area, rel=1e-4)
+    assert len(space.query("LWPOLYLINE[layer=='crank']")) == 1
+    assert section.axle == float(finger.links.axle_diameter) / 2
+
+
+def test_the_bill_counts_pieces_that_are_there(finger, parts):
+    assembly = make_assembly(finger)
+    rows = {row.item: row for row in assembly.bill()}
+    assert sum(row.pieces for row in rows.values()) == len(parts) + sum(
+        row.pieces for row in assembly.others
+    )
+    assert all(rows[bar].pieces == 2 for bar in OUTLINES)
+    assert sum(row.pieces for item, row in rows.items() if item.startswith("pins")) == 18
+    assert assembly.spans[-1].high == float(finger.links.width) / 2
+    spring = next(row for row in assembly.others if "spring" in row.item)
+    assert f"{float(finger.spring.stiffness):g} N mm/rad" in spring.size
+
+
+def test_a_finger_without_links_has_no_parts(finger):
+    with pytest.raises(UserError, match=r"add \[links\]"):
+        make_parts(dataclasses.replace(finger, links=None))
+    layers = finger.links.layers
+    turned = dataclasses.replace(finger.links, layers=(layers[1], layers[0], *layers[2:]))
+    with pytest.raises(UserError, match="correct 'layers'"):
+        make_parts(dataclasses.replace(finger, links=turned))
+
+
+def test_bare_pads_and_few_mirrors_have_parts_too(finger):
+    bare = dataclasses.replace(finger, layers=None, mirrors=finger.mirrors[:1])
+    names = [part.name for part in make_parts(bare)]
+    assert not [name for name in names if "layer" in name]
+    assert [name for name in names if name.endswith("mirror")] == ["distal mirror"]
+    blind = dataclasses.replace(finger, camera=None, mirrors=())
+    assert "camera" not in [part.name for part in make_parts(blind)]
+
+
+def test_solids_come_back_whole(parts, written):
+    from designopt.export.solids import make_solid
+    from studies.oracles.solids import is_watertight, volume_of
+
+    solids, _ = written
+    assert [*solids] == [part.name for part in parts]
+    for part in parts:
+        solid = solids[part.name]
+        assert is_watertight(solid), part.name
+        assert volume_of(solid) == pytest.approx(volume_of(make_solid(part)), rel=1e-6)
+        if len(part.prisms) == 1 and not part.cuts:
+            assert volume_of(solid) == pytest.approx(part.prisms[0].volume, rel=1e-6)
+
+
+def test_shells_are_what_their_prisms_cover(parts, written):
+    """Volumes by counting random points in the polygons of the prisms."""
+    from studies.oracles.solids import volume_of
+
+    solids, _ = written
+    generator = np.random.default_rng(5)
+    for part in parts[:3]:
+        low = np.array([*np.min([p for q in part.prisms for p in q.outline.places], axis=0)])
+        high = np.array([*np.max([p for q in part.prisms for p in q.outline.places], axis=0)])
+        reach = max(prism.across[1] for prism in part.prisms)
+        points = generator.uniform([*low, -reach], [*high, reach], (400_000, 3))
+
+        def covered(prisms, points=points):
+            inside = np.zeros(len(points), bool)
+            for prism in prisms:
+                holes = [shapely.Point(hole.center).buffer(hole.radius, 64) for hole in prism.holes]
+                area = polygon(prism.outline).difference(shapely.unary_union(holes))
+                between = (points[:, 2] > prism.across[0]) & (points[:, 2] < prism.across[1])
+                inside |= between & shapely.contains_xy(area, *points[:, :2].T)
+            return inside
+
+        share = np.mean(covered(part.prisms) & ~covered(part.cuts))
+        box = float(np.prod(high - low)) * 2 * reach
+        error = 4 * box * math.sqrt(share * (1 - share) / len(points))
+        assert volume_of(solids[part.name]) == pytest.approx(share * box, abs=error)
+
+
+def test_walls_are_as_thick_as_they_should_be(finger, written):
+    from studies.oracles.solids import least_wall
+
+    solids, _ = written
+    shell = float(finger.links.shell)
+    for name in ("proximal phalanx", "intermediate phalanx", "distal phalanx"):
+        assert least_wall(solids[name], 4.0).thickness >= shell - 1e-6
+    ring = float(finger.links.bar_width - finger.links.pin_diameter) / 2
+    layer = float(finger.links.thickness[finger.links.layer_of("crank")])
+    assert least_wall(solids["crank, right"], 0.5).thickness == pytest.approx(
+        min(ring, layer), abs=1e-3
+    )
+
+
+def test_nothing_meets_in_any_posture(finger, written):
+    from studies.oracles.solids import find_meetings
+
+    solids, folder = written
+    meetings = find_meetings(solids, folder / "finger.toml", steps=4)
+    assert max(one.shared for one in meetings) < 1e-3
+    moving = {one.parts: one.distance for one in meetings if one.postures > 1}
+    assert min(moving.values()) > 0.05
+    # The linkage's clearances by the kernel are those that the design keeps.
+    bars = [
+        distance
+        for (one, other), distance in moving.items()
+        if any(part.split(",")[0] in OUTLINES for part in (one, other))
+        and not any(part.startswith("pin") for part in (one, other))
+    ]
+    assert 0.5 <= min(bars) < 0.6
+
+
+def test_a_part_in_the_way_is_found(finger, written, parts):
+    from designopt.export.solids import make_solid
+    from studies.oracles.solids import find_meetings
+
+    solids, folder = written
+    x, y = Section.of(finger).pins["E"]
+    corners = (x - 1, y - 1, 0), (x + 1, y - 1, 0), (x + 1, y + 1, 0), (x - 1, y + 1, 0)
+    crank = next(part for part in parts if part.name == "crank, right").prisms[0]
+    brick = Part("intermediate brick", "b", "b", "", "", (Prism(around(*corners), crank.across),))
+    more = {**solids, brick.name: make_solid(brick)}
+    (meeting,) = find_meetings(
+        more, folder / "finger.toml", steps=3, pairs=[("crank, right", brick.name)]
+    )
+    assert meeting.distance == 0.0
+    assert meeting.shared > 0.5
+
+
+def test_coverage_among_the_solids_is_that_of_the_section(finger, written):
+    pytest.importorskip("mitsuba")
+    from designopt.export.solids import step_text
+    from studies.oracles.solid_faces import solid_faces
+    from studies.oracles.traced_coverage import traced_coverage
+
+    _, folder = written
+    path = folder / "finger.toml"
+    degrees = np.array([[0.0, 0.0], [45.0, 20.0], [90.0, 90.0]])
+    section = traced_coverage(path, degrees)
+    solids = traced_coverage(path, degrees, solid_faces(folder / "finger.step", path))
+    np.testing.assert_allclose(solids, section, atol=1e-5)
+    # A block before the camera hides something, so the solids are in light's way.
+    camera = finger.camera.at(finger.body.dorsal)
+    x, y = (float(value) for value in camera.position)
+    corners = (x - 1, y - 3, 0), (x + 1, y - 3, 0), (x + 1, y - 2, 0), (x - 1, y - 2, 0)
+    block = Part("intermediate block", "b", "b", "", "", (Prism(around(*corners), (-5, 5)),))
+    more = folder / "blocked.step"
+    more.write_text(step_text("finger", [*make_parts(finger), block]), encoding="utf-8")
+    blocked = traced_coverage(path, degrees[:1], solid_faces(more, path))
+    assert np.min(blocked) < 0.9
+
+
+def test_parts_follow_the_finger(finger):
+    longer = dataclasses.replace(
+        finger, body=dataclasses.replace(finger.body, thickness=jnp.asarray(27.0))
+    )
+    for one, wanted in ((finger, 25.0), (longer, 27.0)):
+        places = [p for part in make_parts(one)[:3] for q in part.prisms for p in q.outline.places]
+        assert max(y for _, y in places) - min(y for _, y in places) == pytest.approx(wanted)
+
+
+def test_lines_with_arcs_are_as_large_as_their_arcs():
+    line = Polyline("bar", [(0.0, 0.0), (0.0, 2.0)], True, [1.0, 0.0])
+    across, up = zip(*line.line(), strict=True)
+    assert (max(across), min(up)) == pytest.approx((1.0, 0.0))
