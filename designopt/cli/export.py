@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from designopt.cli.studies import ConfigFiles
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.errors import UserError
 
@@ -52,6 +53,7 @@ def export(
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Change a study's setting; repeatable."),
     ] = None,
+    config: ConfigFiles = None,
     force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
     no_cache: NoCache = False,
 ) -> int:
@@ -69,6 +71,7 @@ def export(
     from designopt.io.files import printable
 
     formats = list(dict.fromkeys(part.value for part in to))
-    for path in export_design(named, formats, out, settings=settings or [], force=force):
+    given = {"settings": settings or [], "configs": config or []}
+    for path in export_design(named, formats, out, **given, force=force):
         print(printable(str(path)))
     return 0
