@@ -24,7 +24,7 @@ COMMANDS = {point.name: point for point in entry_points(group=app.COMMAND_GROUP)
 MAIN_JOB = "out/finger"
 """What the first set-up command of the README leaves behind."""
 OTHERS = ("python3", ".", "pip")
-CHEAP = ("list", "solve", "trace", "export")
+CHEAP = ("list", "new", "solve", "trace", "export")
 
 
 def pasted(readme: Path) -> Iterator[list[str]]:

@@ -71,7 +71,9 @@ def export(
     from designopt.io.files import printable
 
     formats = list(dict.fromkeys(part.value for part in to))
-    given = {"settings": settings or [], "configs": config or []}
-    for path in export_design(named, formats, out, **given, force=force):
+    files = export_design(
+        named, formats, out, settings=settings or [], configs=config or [], force=force
+    )
+    for path in files:
         print(printable(str(path)))
     return 0

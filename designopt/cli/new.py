@@ -22,7 +22,7 @@ def new(
     file: Annotated[
         str | None,
         typer.Argument(
-            metavar="[FILE]", help="Where to; - is standard output.", show_default="NAME.toml"
+            metavar="FILE", help="Where to; - is standard output.", show_default="NAME.toml"
         ),
     ] = None,
     listing: Annotated[

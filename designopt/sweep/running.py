@@ -86,11 +86,11 @@ def run_sweep(
 
 def _refused(sweep: Sweep) -> dict[int, Outcome]:
     """The points whose settings are not valid."""
-    refused = {}
+    refused, study = {}, sweep.study
     for index in range(len(sweep.points)):
+        texts = sweep.settings_of(index)
         try:
-            given = {"study": sweep.study.name, "config": sweep.config}
-            spec_with(sweep.study.spec, sweep.settings_of(index), **given)
+            spec_with(study.spec, texts, study=study.name, config=sweep.config)
         except UserError as error:
             refused[index] = failed(str(error), final=True)
     if len(refused) == len(sweep.points):

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import re
 import shutil
 import tomllib
 from pathlib import Path
@@ -12,11 +13,14 @@ from designopt import cli
 from designopt.design_kind import kind_of_tables
 from designopt.designs import load_design
 from designopt.file_template import FileTemplate, installed_templates
-from designopt.study.settings import fields, spec_with
+from designopt.study.settings import Config, fields, spec_with
 from designopt.study.settings_file import format_settings, read_config
 from designopt.study.study import installed_studies, load_study
+from studies.finger import FingerSpec
+from studies.models.body import BodySpec
 from tests.helpers import GALLERY
 
+ROOT = GALLERY.parents[1]
 STUDIES = [name for name, _ in installed_studies()]
 FOUND = list(installed_templates())
 FILES = {path: path.read_text(encoding="utf-8") for path in GALLERY.glob("*/*.toml")}
@@ -44,6 +48,16 @@ def test_a_file_of_settings_has_all_of_them_and_is_the_defaults(tmp_path, name):
         line = f"{key.rpartition('.')[2]} ="
         assert any(one.startswith(f"# {line}" if default is None else line) for one in lines), key
         assert meaning in words, key
+
+
+def test_the_requirements_in_the_readme_are_settings():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    [block] = re.findall(r"^```toml\n(\[body\].*?)^```", text, re.DOTALL | re.MULTILINE)
+    config = Config(tomllib.loads(block), "README.md")
+    spec = spec_with(FingerSpec, [], study="finger", config=config)
+    assert isinstance(spec, FingerSpec)
+    assert spec.body == BodySpec(distal=28.0)
+    assert spec.mirrors.pads.thickness == [1.5, 1.0]
 
 
 def test_every_file_of_the_galleries_is_offered_by_a_name_of_its_own():
