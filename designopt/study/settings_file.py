@@ -89,11 +89,9 @@ def format_settings(study: Study) -> str:
 
     Example:
         >>> from designopt.study.study import load_study
-        >>> text = format_settings(load_study("linkage-stability"))
-        >>> print(text[text.index("# decades") :][:143])
-        # decades over which the lengths of random linkages spread; >= 0.1, <= 6
-        decades = 2.0
-        # cases in each extreme family, half in each assembly
+        >>> lines = format_settings(load_study("linkage-stability")).splitlines()
+        >>> lines[lines.index("decades = 2.0") - 1]
+        '# decades over which the lengths of random linkages spread; >= 0.1, <= 6'
     """
     schema = study.spec.model_json_schema()
     tables: dict[str, list[str]] = {"": []}
