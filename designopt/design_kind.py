@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
-from designopt.errors import UserError
+from designopt.errors import UserError, load_plug_in
 from designopt.explore.bench import Bench
 from designopt.export.drawing import Drawing
 from designopt.export.json import Quantity
 from designopt.export.parts import Assembly
+
+DESIGN_GROUP = "designopt.designs"
 
 
 @dataclass(frozen=True)
@@ -96,3 +99,22 @@ class Design:
                 "make; export a finger, such as 'finger' or the folder of a result of it"
             )
         return self.kind.assembly(self.model)
+
+def installed_kinds() -> list[DesignKind]:
+    """Every installed kind of design files.
+
+    Raises:
+        UserError: one cannot be loaded.
+    """
+    return [load_plug_in(one, "the kind of file") for one in entry_points(group=DESIGN_GROUP)]
+
+
+def kind_of_tables(tables: Mapping[str, Any]) -> DesignKind | None:
+    """The kind of a design's file, by its tables; ``None`` if there is no such kind.
+
+    Raises:
+        UserError: a kind cannot be loaded.
+    """
+    kinds = [kind for kind in installed_kinds() if kind.table in tables]
+    shared = {table for kind in kinds for table in kind.shared}
+    return next((kind for kind in kinds if kind.table not in shared), None)

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Literal
 
-from designopt.design_kind import Design, DesignKind
-from designopt.errors import UserError, load_plug_in
+from designopt.design_kind import Design, installed_kinds, kind_of_tables
+from designopt.errors import UserError
 from designopt.io.files import check_toml, read_toml
+from designopt.study.result_folders import DOCUMENT, recorded_spec
 from designopt.study.settings import spec_of, spec_with
+from designopt.study.settings_file import read_config
 from designopt.study.study import STUDY_GROUP, Study, installed_studies, load_study
-
-DESIGN_GROUP = "designopt.designs"
 
 
 def read_tables(path: str | Path, what: str, table: str) -> dict[str, Any]:
@@ -30,7 +29,7 @@ def read_tables(path: str | Path, what: str, table: str) -> dict[str, Any]:
         UserError: also where the file is of another kind.
     """
     tables = read_toml(path, what)
-    kind = _kind_of(tables)
+    kind = kind_of_tables(tables)
     if kind is not None and (table not in tables or table in kind.shared):
         raise UserError(
             f"{path}: it describes a {kind.name} and no {what}; {kind.command} takes it"
@@ -38,13 +37,14 @@ def read_tables(path: str | Path, what: str, table: str) -> dict[str, Any]:
     return tables
 
 
-def load_design(named: str, settings: Sequence[str] = ()) -> Design:
+def load_design(named: str, settings: Sequence[str] = (), configs: Sequence[Path] = ()) -> Design:
     """The design that a person names.
 
     Args:
         named: a study, a file, or a folder that ``designopt run`` wrote; a study's name is the
             study even where a file or a folder has it too, which ``./NAME`` names.
         settings: ``key=value`` texts, for a study.
+        configs: files with settings, for a study; see `read_config`.
 
     Raises:
         UserError: there is no such thing, or it has no design to show.
@@ -52,9 +52,11 @@ def load_design(named: str, settings: Sequence[str] = ()) -> Design:
     kind, path = kind_of(named), Path(named)
     if kind == "study":
         study = load_study(named)
-        return _designed(study)(spec_with(study.spec, settings, study=named), None)
-    if settings:
-        raise UserError(f"--set {settings[0]}: only a study has settings; change {named} itself")
+        config = read_config(configs, study)
+        return _designed(study)(spec_with(study.spec, settings, study=named, config=config), None)
+    given = [f"--set {text}" for text in settings] + [f"--config {path}" for path in configs]
+    if given:
+        raise UserError(f"{given[0]}: only a study has settings; change {named} itself")
     return _of_result(path) if kind == "folder" else _of_file(path)
 
 
@@ -90,22 +92,14 @@ def kind_of(named: str) -> Literal["study", "folder", "file"]:
 
 
 def _of_file(path: Path) -> Design:
-    kind = _kind_of(read_toml(path, "design"))
+    kind = kind_of_tables(read_toml(path, "design"))
     if kind is not None:
         return Design(kind, kind.read(path))
-    known = ", ".join(sorted(f"a {kind.name} has [{kind.table}]" for kind in _kinds()))
-    raise UserError(f"{path}: it describes no design that is known here: {known}; correct it")
-
-
-def _kind_of(tables: Mapping[str, Any]) -> DesignKind | None:
-    """The kind of a file, by its tables; ``None`` if there is no such kind."""
-    kinds = [kind for kind in _kinds() if kind.table in tables]
-    shared = {table for kind in kinds for table in kind.shared}
-    return next((kind for kind in kinds if kind.table not in shared), None)
-
-
-def _kinds() -> list[DesignKind]:
-    return [load_plug_in(one, "the kind of file") for one in entry_points(group=DESIGN_GROUP)]
+    known = ", ".join(sorted(f"a {kind.name} has [{kind.table}]" for kind in installed_kinds()))
+    raise UserError(
+        f"{path}: it describes no design that is known here: {known}; correct it, or name the "
+        f"study whose settings it has, with --config {path}"
+    )
 
 
 def _of_result(folder: Path) -> Design:
@@ -117,12 +111,11 @@ def _of_result(folder: Path) -> Design:
     return _designed(study)(spec_of(study.spec, tables, source=str(folder)), folder / "specs")
 
 
-def _result_in(folder: Path) -> tuple[str, Any]:
+def _result_in(folder: Path) -> tuple[str, dict[str, Any]]:
     """The name of a result's study, and its settings."""
     try:
-        document = json.loads((folder / "results.json").read_text(encoding="utf-8"))
-        return str(document["study"]), document["spec"]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        return recorded_spec(folder / DOCUMENT)
+    except UserError as error:
         raise UserError(
             f"{folder}: a folder without a result of designopt run; name a file or a study"
         ) from error

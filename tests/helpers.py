@@ -18,7 +18,8 @@ from matplotlib.figure import Figure
 from designopt.plot.figures import style
 
 DATA = Path(__file__).parent / "data"
-SCENES = DATA.parents[1] / "studies/gallery/scenes"
+GALLERY = DATA.parents[1] / "studies/gallery"
+SCENES = GALLERY / "scenes"
 
 
 def marked(mark: str, *cases: Any) -> list[Any]:

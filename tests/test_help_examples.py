@@ -19,6 +19,7 @@ from designopt.cli import app
 COMMANDS = {point.name: point for point in entry_points(group=app.COMMAND_GROUP)}
 WRITES = {
     "export": ["cad/finger.dxf", "cad/finger-parts.csv"],
+    "new": ["my-finger.toml"],
     "run": ["quick/report.html"],
     "solve": ["four-bar.csv"],
     "sweep": ["out/sweep-table1/result/report.html"],

@@ -24,7 +24,7 @@ COMMANDS = {point.name: point for point in entry_points(group=app.COMMAND_GROUP)
 MAIN_JOB = "out/finger"
 """What the first set-up command of the README leaves behind."""
 OTHERS = ("python3", ".", "pip")
-CHEAP = ("list", "solve", "trace", "export")
+CHEAP = ("list", "new", "solve", "trace", "export")
 
 
 def pasted(readme: Path) -> Iterator[list[str]]:
@@ -42,6 +42,12 @@ def mentioned(readme: Path) -> Iterator[list[str]]:
     prose = re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE)
     spans = re.findall(r"`(designopt [^`]+)`", prose)
     yield from (words for words in map(str.split, spans) if len(words) > 2)
+
+
+def written(readme: Path) -> set[str]:
+    """The files that its commands ``designopt new`` write."""
+    made = (parsed(words) for words in pasted(readme) if words[:2] == ["designopt", "new"])
+    return {given["file"] or f"{given['name']}.toml" for given in made if given["name"]}
 
 
 def parsed(words: list[str]) -> dict:
@@ -64,7 +70,8 @@ def test_commands_are_read_and_name_what_there_is(readme):
             keys = {key for key, _, _ in fields(spec)}
             assert {one.partition("=")[0] for one in given.get("vary") or []} <= keys
         for name in (word.rpartition("=")[2] for word in words[2:] if word.endswith(".toml")):
-            assert (ROOT / name).is_file() or name.startswith(f"{MAIN_JOB}/specs/"), words
+            made = name.startswith(f"{MAIN_JOB}/specs/") or name in written(readme)
+            assert (ROOT / name).is_file() or made, words
 
 
 def test_no_command_finds_the_folder_of_another():

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from designopt.cli.studies import ConfigFiles
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.errors import UserError
 from designopt.interrupts import deferred, interruptible
@@ -31,6 +32,7 @@ def explore(
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Change a study's setting; repeatable."),
     ] = None,
+    config: ConfigFiles = None,
     web: Annotated[
         bool, typer.Option("--web", help="A page for a browser on this machine, not a window.")
     ] = False,
@@ -53,10 +55,18 @@ def explore(
     if port is not None and not web:
         raise UserError(f"--port {port}: only a page has a port; add --web")
     with suppress(KeyboardInterrupt), interruptible():
-        _open(named, settings or [], port=PORT if port is None else port, web=web, out=out)
+        design = _designed(named, settings or [], config or [])
+        _open(named, design, port=PORT if port is None else port, web=web, out=out)
 
 
-def _open(named: str, settings: list[str], *, port: int, web: bool, out: Path) -> None:
+def _open(
+    named: str,
+    design: AbstractContextManager[tuple[Bench, str]],
+    *,
+    port: int,
+    web: bool,
+    out: Path,
+) -> None:
     from designopt.designs import check_design
     from designopt.io.files import check_new_folder
 
@@ -69,7 +79,7 @@ def _open(named: str, settings: list[str], *, port: int, web: bool, out: Path) -
     if web:
         from designopt.explore.server import listen, serve
 
-        with style(), listen(port) as listener, _designed(named, settings) as (bench, name):
+        with style(), listen(port) as listener, design as (bench, name):
             serve(bench, name, out, listener)
         return
     from designopt.explore.desktop import desktop_figure, show_window
@@ -77,7 +87,7 @@ def _open(named: str, settings: list[str], *, port: int, web: bool, out: Path) -
 
     with style():
         figure = desktop_figure()
-        with _designed(named, settings) as (bench, name):
+        with design as (bench, name):
             window = Window(bench, figure, name, out)
             show_window(figure, bench.title)
             del window  # until here: widgets live as long as someone holds them
@@ -95,11 +105,12 @@ def _load() -> None:
 
 
 @contextmanager
-def _designed(named: str, settings: list[str]) -> Iterator[tuple[Bench, str]]:
+def _designed(named: str, settings: list[str], configs: list[Path]) -> Iterator[tuple[Bench, str]]:
+    """A design with its knobs, and its name; loaded on entering."""
     import jax
 
     from designopt.designs import load_design
 
     with jax.enable_x64(True):
-        design = load_design(named, settings)
+        design = load_design(named, settings, configs)
         yield design.explorer(), design.name

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from designopt.cli.studies import ConfigFiles
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.errors import UserError
 
@@ -56,6 +57,7 @@ def export(
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Change a study's setting; repeatable."),
     ] = None,
+    config: ConfigFiles = None,
     force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
     no_cache: NoCache = False,
 ) -> int:
@@ -73,6 +75,9 @@ def export(
     from designopt.io.files import printable
 
     formats = list(dict.fromkeys(part.value for part in to))
-    for path in export_design(named, formats, out, settings=settings or [], force=force):
+    files = export_design(
+        named, formats, out, settings=settings or [], configs=config or [], force=force
+    )
+    for path in files:
         print(printable(str(path)))
     return 0

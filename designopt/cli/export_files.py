@@ -40,6 +40,7 @@ def export_design(
     out: Path,
     *,
     settings: Sequence[str] = (),
+    configs: Sequence[Path] = (),
     force: bool = False,
 ) -> list[Path]:
     """Write a design as files, all of them or none.
@@ -49,6 +50,7 @@ def export_design(
         formats: keys of `ENDINGS`.
         out: folder to write into; made if there is none.
         settings: ``key=value`` texts, for a study.
+        configs: files with settings, for a study; see `read_config`.
         force: whether existing files are replaced.
 
     Returns:
@@ -62,7 +64,7 @@ def export_design(
     # Folders that are missing on the way do not hide where it leads: missing/.. is here.
     _check(Path(os.path.realpath(out)) if not os.path.isdir(out) else out, names, force=force)
     with jax.enable_x64(True):
-        design = load_design(named, settings)
+        design = load_design(named, settings, configs)
         texts = {form: write(design) for form, write in writers.items()}
     try:
         out.mkdir(parents=True, exist_ok=True)

@@ -27,6 +27,18 @@ class Dtype(StrEnum):
     float32 = "float32"
 
 
+ConfigFiles = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--config",
+        metavar="FILE",
+        help="Settings of the study, as 'designopt new STUDY' writes them, or the results.json of "
+        "an earlier run; --set lies over them.",
+    ),
+]
+"""An option of commands that take a study; see `read_config`, which takes one file."""
+
+
 def list_studies(
     study: Annotated[
         str | None, typer.Argument(metavar="[STUDY]", help="Show this study's settings.")
@@ -59,6 +71,7 @@ def run_study(
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Change a setting; may be repeated."),
     ] = None,
+    config: ConfigFiles = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Result folder.", show_default="out/STUDY")
     ] = None,
@@ -74,10 +87,12 @@ def run_study(
     """
     from designopt.io.files import check_new_folder
     from designopt.study.settings import spec_with
+    from designopt.study.settings_file import read_config
     from designopt.study.study import load_study
 
     chosen = load_study(study)
-    spec = spec_with(chosen.spec, settings or [], study=study)
+    given = read_config(config or [], chosen)
+    spec = spec_with(chosen.spec, settings or [], study=study, config=given)
     folder = out if out is not None else Path("out") / study
     check_new_folder(folder, force=force)
     # Only now, when all that was asked for is in order, are JAX and the rest worth loading.

@@ -77,6 +77,24 @@ def write_document(folder: Path, document: Mapping[str, Any]) -> None:
     (folder / DOCUMENT).write_text(text + "\n", encoding="utf-8")
 
 
+def recorded_spec(document: Path) -> tuple[str, dict[str, Any]]:
+    """The name of the study that a ``results.json`` is of, and its settings as run.
+
+    Raises:
+        UserError: it cannot be read, or no run wrote it.
+    """
+    try:
+        result = json.loads(document.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError(f"{document}: cannot be read: {error.strerror}") from error
+    except (ValueError, RecursionError):
+        result = None
+    match result:
+        case {"study": str(study), "spec": dict(spec)}:
+            return study, spec
+    raise UserError(f"{document}: no result of designopt run; name its results.json")
+
+
 @contextmanager
 def result_folder(out: Path, *, force: bool) -> Iterator[Path]:
     """A new folder to write into, which becomes ``out`` on leaving and vanishes on an exception.

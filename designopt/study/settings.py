@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import pydantic
 from pydantic_core import PydanticUndefined
@@ -13,6 +13,21 @@ from pydantic_core import PydanticUndefined
 from designopt.errors import UserError, shortened
 from designopt.io.files import DEEPEST, is_too_deep
 from designopt.io.spec import Spec
+
+
+class Config(NamedTuple):
+    """Settings from a file, which lie over the defaults; see `settings_file.read_config`.
+
+    Attributes:
+        tables: nested, as in ``results.json``.
+        source: the file, for messages; empty if there is none.
+    """
+
+    tables: Mapping[str, Any]
+    source: str
+
+
+NO_CONFIG = Config({}, "")
 
 
 def setting(
@@ -80,7 +95,9 @@ def targets_waived(spec: Spec, default: Spec | None = None, prefix: str = "") ->
     return ""
 
 
-def spec_with(model: type[Spec], assignments: Iterable[str], *, study: str) -> Spec:
+def spec_with(
+    model: type[Spec], assignments: Iterable[str], *, study: str, config: Config = NO_CONFIG
+) -> Spec:
     """The spec of ``model`` with ``assignments`` in place of its defaults.
 
     Args:
@@ -88,6 +105,7 @@ def spec_with(model: type[Spec], assignments: Iterable[str], *, study: str) -> S
         assignments: ``a.b=value`` texts; a value is read as TOML, and as plain text where it is
             not TOML, so ``lens.name=wide`` needs no quotes.
         study: the study's name, for the messages.
+        config: settings between the defaults and the assignments.
 
     Raises:
         UserError: every fault at once, in one line.
@@ -95,22 +113,40 @@ def spec_with(model: type[Spec], assignments: Iterable[str], *, study: str) -> S
     overrides: dict[str, Any] = {}
     for text in assignments:
         _assign(overrides, text, study)
-    return spec_of_tables(model, overrides, study=study)
+    return spec_of_tables(model, overrides, study=study, config=config)
 
 
-def spec_of_tables(model: type[Spec], tables: Mapping[str, Any], *, study: str = "STUDY") -> Spec:
+def spec_of_tables(
+    model: type[Spec],
+    tables: Mapping[str, Any],
+    *,
+    study: str = "STUDY",
+    config: Config = NO_CONFIG,
+) -> Spec:
     """The spec of ``model`` with nested ``tables`` of settings in place of its defaults.
+
+    Args:
+        model: the study's spec.
+        tables: nested settings.
+        study: the study's name, for the messages.
+        config: settings between the defaults and the tables.
 
     Raises:
         UserError: every fault at once, in one line.
     """
-    try:
-        return model.model_validate(_over_defaults(model, tables))
-    except pydantic.ValidationError as error:
-        faults = "; ".join(_fault(model, details) for details in error.errors())
-        raise UserError(
-            f"{faults} ('designopt list {study}' shows every key with its default)"
-        ) from error
+    spec, faults = _validated(model, _merge(config.tables, tables))
+    if spec is not None:
+        return spec
+    # What is wrong without the tables, too, is a fault of the file.
+    _, before = _validated(model, config.tables) if config.source else (None, {})
+    in_file = "; ".join(text for text in faults if text in before)
+    words = [f"{config.source}: {in_file}"] if in_file else []
+    for text, key in faults.items():
+        if text not in before:
+            words.append(f"--set {text}" if key else text)
+    raise UserError(
+        f"{'; '.join(words)} ('designopt list {study}' shows every key with its default)"
+    )
 
 
 def spec_of(model: type[Spec], tables: Any, *, source: str) -> Spec:
@@ -147,6 +183,16 @@ def fields(
             yield from fields(kind, f"{prefix}{name}.", own if isinstance(own, Spec) else None)
         else:
             yield prefix + name, own, info.description or ""
+
+
+def _validated(
+    model: type[Spec], tables: Mapping[str, Any]
+) -> tuple[Spec | None, dict[str, tuple[int | str, ...]]]:
+    """The spec with these tables over its defaults, or what is wrong, with the keys."""
+    try:
+        return model.model_validate(_over_defaults(model, tables)), {}
+    except pydantic.ValidationError as error:
+        return None, {_fault(model, details): details["loc"] for details in error.errors()}
 
 
 def _over_defaults(model: type[Spec], tables: Mapping[str, Any]) -> dict[str, Any]:
@@ -207,16 +253,18 @@ def _assign(overrides: dict[str, Any], text: str, study: str) -> None:
 
 def _fault(model: type[Spec], details: Any) -> str:
     path = [str(part) for part in details["loc"]]
-    key = ".".join(path)
+    key, given = ".".join(path), details["input"]
     if details["type"] == "extra_forbidden":
-        return f"--set {key}: unknown key; {_known_keys(model, path)}"
+        return f"{key}: unknown key; {_known_keys(model, path)}"
     if details["type"] == "missing":
-        return f"--set {key}=…: this key is missing and has no default; give it a value"
+        return f"{key}=…: this key is missing and has no default; give it a value"
     if details["type"] == "model_type":
-        return f"--set {key}=…: it has keys of its own; {_known_keys(model, [*path, ''])}"
+        return f"{key}=…: it has keys of its own; {_known_keys(model, [*path, ''])}"
     wanted = details["msg"].removeprefix("Value error, ")
     wanted = wanted[0].lower() + wanted[1:]
-    return f"--set {key}={shortened(str(details['input']))}: {wanted}" if key else wanted
+    # Of a table whose keys contradict each other the message has those that do.
+    value = "" if isinstance(given, Mapping) else f"={shortened(str(given))}"
+    return f"{key}{value}: {wanted}" if key else wanted
 
 
 def _known_keys(model: type[Spec], path: Sequence[str]) -> str:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from designopt.cli.studies import Dtype
+from designopt.cli.studies import ConfigFiles, Dtype
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.cores import usable_cores
 from designopt.errors import UserError
@@ -49,6 +49,7 @@ def sweep(
             "--set", metavar="KEY=VALUE", help="A setting of all points; may be repeated."
         ),
     ] = None,
+    config: ConfigFiles = None,
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of every random draw and of the Sobol points.")
     ] = 0,
@@ -87,9 +88,11 @@ def sweep(
     """
     # Imported here, so that listing the commands loads neither JAX nor Matplotlib.
     from designopt.interrupts import interruptible
+    from designopt.study.settings_file import read_config
     from designopt.study.study import load_study
 
     chosen = load_study(study)
+    given = read_config(config or [], chosen)
     from designopt.sweep.points import Sweep, grid_points, sobol_points
 
     vary, ranges, shared = vary or [], ranges or [], tuple(settings or ())
@@ -114,7 +117,7 @@ def sweep(
 
         check()
     folder = out if out is not None else Path("out") / f"sweep-{study}"
-    asked = Sweep(chosen, points, shared, seed, dtype.value, versions_of(study))
+    asked = Sweep(chosen, points, shared, seed, dtype.value, versions_of(study), given)
     cores = workers or usable_cores()
     outcomes = run_sweep(asked, folder, workers=cores, scheduler=scheduler, force=force)
     print(f"report: {folder / 'result' / 'report.html'}")

@@ -20,7 +20,7 @@ from designopt.compilation_cache import forget_programs_if_many
 from designopt.errors import UserError
 from designopt.io.spec import Spec
 from designopt.study.results import Results
-from designopt.study.settings import spec_with
+from designopt.study.settings import NO_CONFIG, Config, spec_with
 from designopt.study.study import Context, Study, load_study
 from designopt.sweep.outcomes import Outcome, failed, found
 
@@ -47,6 +47,7 @@ class Task(NamedTuple):
         seed: seed of every random draw.
         dtype: float type to compute in.
         versions: of Python and of packages, as the sweep was begun with.
+        config: settings of every point, over which the others lie.
     """
 
     study: str
@@ -55,6 +56,7 @@ class Task(NamedTuple):
     seed: int
     dtype: str
     versions: Mapping[str, str]
+    config: Config = NO_CONFIG
 
 
 def evaluate(task: Task) -> list[Outcome]:
@@ -75,7 +77,10 @@ def evaluate(task: Task) -> list[Outcome]:
 
         programs = compiled()  # listens from now on
         study = _loaded(task.study, tuple(task.versions.items()))
-        specs = [spec_with(study.spec, settings, study=task.study) for settings in task.settings]
+        specs = [
+            spec_with(study.spec, settings, study=task.study, config=task.config)
+            for settings in task.settings
+        ]
         context = Context(task.seed, task.dtype, lambda _: nullcontext())
         with jax.enable_x64(task.dtype == "float64"):
             device = f"{jax.devices()[0].device_kind} ({platform.machine()}), one thread a worker"

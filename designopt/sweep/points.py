@@ -16,7 +16,7 @@ from scipy.stats import qmc
 from designopt.errors import UserError
 from designopt.io.ranges import ends_of, split_name, values_of
 from designopt.io.spec import Spec
-from designopt.study.settings import fields
+from designopt.study.settings import NO_CONFIG, Config, fields
 from designopt.study.study import Study
 
 MOST_POINTS = 100_000
@@ -66,6 +66,7 @@ class Sweep(NamedTuple):
         seed: seed of every random draw.
         dtype: float type to compute in.
         versions: of Python and of the packages that shape the numbers.
+        config: settings of all points, over which the others lie.
     """
 
     study: Study
@@ -74,6 +75,7 @@ class Sweep(NamedTuple):
     seed: int
     dtype: str
     versions: Mapping[str, str]
+    config: Config = NO_CONFIG
 
     def settings_of(self, index: int) -> tuple[str, ...]:
         """All settings of one point, as they would be written after ``--set``."""

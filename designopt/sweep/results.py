@@ -45,7 +45,8 @@ def write_result(sweep: Sweep, outcomes: Sequence[Outcome], out: Path) -> None:
     record = RunRecord(
         study=study.name,
         purpose=f"A sweep of {len(points)} points over {', '.join(points.keys)}: {study.purpose}",
-        spec={"vary": _told(points), "set": dict(text.split("=", 1) for text in sweep.settings)},
+        spec={"vary": _told(points), "set": dict(text.split("=", 1) for text in sweep.settings)}
+        | ({"config": dict(sweep.config.tables)} if sweep.config.tables else {}),
         seed=sweep.seed,
         dtype=sweep.dtype,
         device=", ".join(sorted({one.device for one in outcomes if one.device})),

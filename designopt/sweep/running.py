@@ -86,10 +86,11 @@ def run_sweep(
 
 def _refused(sweep: Sweep) -> dict[int, Outcome]:
     """The points whose settings are not valid."""
-    refused = {}
+    refused, study = {}, sweep.study
     for index in range(len(sweep.points)):
+        texts = sweep.settings_of(index)
         try:
-            spec_with(sweep.study.spec, sweep.settings_of(index), study=sweep.study.name)
+            spec_with(study.spec, texts, study=study.name, config=sweep.config)
         except UserError as error:
             refused[index] = failed(str(error), final=True)
     if len(refused) == len(sweep.points):
@@ -109,6 +110,7 @@ def _definition(sweep: Sweep) -> dict[str, object]:
         "study": sweep.study.name,
         "points": dict(sweep.points.definition),
         "settings": list(sweep.settings),
+        "config": dict(sweep.config.tables),
         "seed": sweep.seed,
         "dtype": sweep.dtype,
         "versions": dict(sweep.versions),
@@ -135,7 +137,8 @@ def _compute(
     missing = [group for group in groups if not kept.keys() >= set(group)]
     if not missing:
         return
-    name, given = sweep.study.name, (width, sweep.seed, sweep.dtype, sweep.versions)
+    name = sweep.study.name
+    given = width, sweep.seed, sweep.dtype, sweep.versions, sweep.config
     answers = run([Task(name, tuple(map(sweep.settings_of, group)), *given) for group in missing])
     failures = sum(bool(outcome.failure) for outcome in kept.values())
     alone: list[list[int]] = []

@@ -3,9 +3,9 @@
 import dataclasses
 
 from optics import Chamber, read_chamber
-from tests.helpers import DATA
+from tests.helpers import GALLERY
 
-_, PAPER = read_chamber(DATA / "paper_chamber.toml")
+_, PAPER = read_chamber(GALLERY / "chambers/chamber.toml")
 """With constants that Table I follows, near η = 0.6."""
 
 

@@ -116,8 +116,8 @@ class CameraSpec(Spec):
             filled_in({"model": self.model})
         elif self.f_number:
             raise ValueError(
-                "f_number is of a lens before a sensor; name a 'model' of the catalogue, too: "
-                + ", ".join(camera_catalogue())
+                "f_number is of a lens before a sensor; set it to 0, or name a 'model' of the "
+                "catalogue, too: " + ", ".join(camera_catalogue())
             )
         return self
 

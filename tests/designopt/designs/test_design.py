@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 from pydantic import Field
 
-from designopt import Spec, Study, UserError
-from designopt import designs as design
+from designopt import Spec, Study, UserError, design_kind, designs
 from designopt.design_kind import Design, DesignKind
 from designopt.designs import load_design, read_tables
 from designopt.io.files import read_toml
@@ -57,7 +56,7 @@ RULER = Study("ruler", "Measures", BoxSpec, results)
 
 POINTS = {
     study_module.STUDY_GROUP: {"box": "BOX", "ruler": "RULER"},
-    design.DESIGN_GROUP: {"box": "FILE", "ball": "OTHER"},
+    design_kind.DESIGN_GROUP: {"box": "FILE", "ball": "OTHER"},
 }
 
 
@@ -68,8 +67,8 @@ def installed(monkeypatch, tmp_path):
     def points(group: str) -> list[EntryPoint]:
         return [EntryPoint(name, f"{__name__}:{at}", group) for name, at in POINTS[group].items()]
 
-    monkeypatch.setattr(study_module, "entry_points", points)
-    monkeypatch.setattr(design, "entry_points", points)
+    for module in (study_module, design_kind, designs):
+        monkeypatch.setattr(module, "entry_points", points)
     monkeypatch.chdir(tmp_path)
 
 
@@ -107,8 +106,11 @@ def test_a_study_is_meant_where_a_folder_has_its_name():
     )
 
 
-NO_RESULT = ("{", "[1, 2]", '{"study": "box"}', '{"spec": {}}', "\xff", "[" * 100_000, "null")
-OTHER_SPECS = ('{"length": 1.0}', '{"side": "wide"}', "[]", "null")
+NO_RESULT = (
+    *("{", "[1, 2]", '{"study": "box"}', '{"spec": {}}', "\xff", "[" * 100_000, "null"),
+    *('{"study": "box", "spec": []}', '{"study": "box", "spec": null}'),
+)
+OTHER_SPECS = ('{"length": 1.0}', '{"side": "wide"}')
 
 
 @pytest.mark.parametrize(
@@ -183,8 +185,8 @@ def test_a_file_of_another_kind_is_named_with_what_takes_it(tmp_path):
 
 
 def test_a_kind_of_file_that_cannot_be_loaded_is_named(tmp_path, monkeypatch):
-    point = EntryPoint("bag", "no_such_package:FILE", design.DESIGN_GROUP)
-    monkeypatch.setattr(design, "entry_points", lambda group: [point])
+    point = EntryPoint("bag", "no_such_package:FILE", design_kind.DESIGN_GROUP)
+    monkeypatch.setattr(design_kind, "entry_points", lambda group: [point])
     path = tmp_path / "bag.toml"
     path.write_text("[bag]\n")
     assert "'bag' (no_such_package:FILE) cannot be loaded: No module named" in refused(str(path))

@@ -1,4 +1,4 @@
-"""A study and a kind of design offered by an installed package outside the project."""
+"""A study, a kind of design and a template offered by a package outside the project."""
 
 import json
 from typing import Any
@@ -21,6 +21,7 @@ from designopt.design_kind import Design, DesignKind
 from designopt.explore.bench import Bench, Knob, Reading, Shown
 from designopt.export.json import Quantity
 from designopt.export.drawing import Drawing, Layer, Polyline
+from designopt.file_template import FileTemplate
 from designopt.io.files import read_toml
 
 
@@ -78,6 +79,10 @@ STUDY = Study(
     "crate-area", "The area of a crate", CrateSpec, run,
     design=lambda spec, folder: Design(KIND, Crate("crate-area", spec.side)),
 )
+
+TEMPLATES = [
+    FileTemplate("crate", "crate: a cube", "designopt explore", lambda: "[crate]\\nside = 4.0\\n")
+]
 """
 
 FILES = {
@@ -85,7 +90,8 @@ FILES = {
     "crates-1.0.dist-info/METADATA": "Metadata-Version: 2.1\nName: crates\nVersion: 1.0\n",
     "crates-1.0.dist-info/entry_points.txt": (
         "[designopt.studies]\ncrate-area = crates:STUDY\n\n"
-        "[designopt.designs]\ncrate = crates:KIND\n"
+        "[designopt.designs]\ncrate = crates:KIND\n\n"
+        "[designopt.templates]\ncrates = crates:TEMPLATES\n"
     ),
 }
 
@@ -117,6 +123,20 @@ def test_its_design_is_drawn_and_written(work, named, side):
     numbers = json.loads((work / "drawn" / f"{stem}.json").read_text("utf-8"))
     assert numbers["quantities"]["side"]["value"] == side
     assert "<svg" in (work / "drawn" / f"{stem}.svg").read_text("utf-8")
+
+
+def test_files_to_begin_with_are_written_and_taken(work, capsys):
+    assert cli.run(["new", "crate"]) == 0
+    assert capsys.readouterr().out == "crate.toml\nnext: designopt explore crate.toml\n"
+    assert load_design("crate.toml").model.side == 4.0
+    assert cli.run(["new", "crate-area"]) == 0
+    settings = work / "crate-area.toml"
+    settings.write_text(settings.read_text().replace("side = 2.0", "side = 6.0"))
+    command = ["export", "crate-area", "--to", "json", "--config", "crate-area.toml"]
+    assert cli.run([*command, "--out", "drawn"]) == 0
+    numbers = json.loads((work / "drawn" / "crate-area.json").read_text("utf-8"))
+    assert numbers["quantities"]["side"]["value"] == 6.0
+    assert load_design("crate-area", ["side=7"], [settings]).model.side == 7.0
 
 
 def test_its_explorer_shows_it(work):

@@ -1,6 +1,8 @@
 """``designopt sweep`` as a person meets it: faults, failed points, no scheduler."""
 
 import csv
+import json
+import math
 import re
 from importlib.metadata import version
 
@@ -39,6 +41,28 @@ def test_faults_are_one_line_and_exit_code_2(installed, capsys, line, words):
     (installed / "there" / "mine").touch()
     check_command_refused(capsys, f"sweep {line}", words)
     assert sorted(path.name for path in installed.rglob("*")) == ["mine", "there"]
+
+
+def test_points_lie_over_the_settings_of_a_file(installed, capsys):
+    file = installed / "my.toml"
+    file.write_text("x = 50.0\ncount = 3\n")
+    sweep = ["sweep", "batched", "--vary", "x=1,2", "--workers", "1", "--out", "o"]
+    assert cli.run([*sweep, "--config", "my.toml"]) == 0
+    with (installed / "o" / TABLE).open(newline="") as table:
+        found = [float(row["sine_mm"]) for row in csv.DictReader(table)]
+    assert found == [pytest.approx(3 * math.sin(x) / x) for x in (1, 2)]
+    spec = json.loads((installed / "o/result/results.json").read_text(encoding="utf-8"))["spec"]
+    assert spec["config"] == {"x": 50.0, "count": 3}
+    before = sorted((installed / "o/points").iterdir())
+    for text, words in (
+        ("count = 4\n", "--out o: it holds another sweep (other config)"),
+        ("cuont = 4\n", "no point can be computed: my.toml: cuont: unknown key; did you mean"),
+    ):
+        file.write_text(text)
+        capsys.readouterr()
+        assert cli.run([*sweep, "--config", "my.toml"]) == 2
+        assert words in capsys.readouterr().err
+    assert sorted((installed / "o/points").iterdir()) == before
 
 
 def test_a_scheduler_that_is_not_there_costs_no_point(installed, capsys, monkeypatch):
