@@ -100,6 +100,7 @@ class Design:
             )
         return self.kind.assembly(self.model)
 
+
 def installed_kinds() -> list[DesignKind]:
     """Every installed kind of design files.
 

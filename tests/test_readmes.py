@@ -65,8 +65,12 @@ def test_commands_are_read_and_name_what_there_is(readme):
             continue
         given = parsed(words)
         if study := given.get("study"):
+            settings = list(given.get("settings") or [])
+            if objectives := given.get("objectives"):
+                study = f"{study}-front"
+                settings.append(f"objectives={json.dumps(objectives.split(','))}")
             spec = load_study(study).spec
-            spec_with(spec, given.get("settings") or [], study=study)
+            spec_with(spec, settings, study=study)
             keys = {key for key, _, _ in fields(spec)}
             assert {one.partition("=")[0] for one in given.get("vary") or []} <= keys
         for name in (word.rpartition("=")[2] for word in words[2:] if word.endswith(".toml")):
@@ -78,9 +82,9 @@ def test_no_command_finds_the_folder_of_another():
     """A result is never overwritten, so each has a folder of its own, in all READMEs together."""
     made = [MAIN_JOB]
     for words in itertools.chain.from_iterable(map(pasted, READMES)):
-        if words[:2] in (["designopt", "run"], ["designopt", "export"]):
-            given = parsed(words)
-            made.append(str(given["out"] or Path("out") / given["study"]))
+        if words[0] == "designopt" and words[1] in ("run", "export", "front"):
+            given, end = parsed(words), "-front" if words[1] == "front" else ""
+            made.append(str(given["out"] or Path("out") / f"{given['study']}{end}"))
     assert len(made) == len(set(made))
 
 

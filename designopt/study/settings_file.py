@@ -66,7 +66,7 @@ def read_config(paths: Sequence[Path], study: Study) -> Config:
         path = path / DOCUMENT
     if path.suffix == ".json":
         name, tables = recorded_spec(path)
-        if name != study.name:
+        if name not in (study.name, study.front_of):
             raise UserError(
                 f"{path}: it has settings of the study '{name}' and not of '{study.name}'; name a "
                 "result of this one"

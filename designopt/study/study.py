@@ -65,6 +65,8 @@ class Study:
         batch: from many specs at once to what ``run`` finds for each, in the same order, but for
             rounding: its metrics, or the error raised instead. For studies whose
             points JAX can batch; used by sweeps only.
+        front_of: the study whose trade-offs it shows, for ``designopt front``: it has the settings
+            of that one, and others, ``objectives`` among them; ``None`` if it shows none.
     """
 
     name: str
@@ -74,6 +76,7 @@ class Study:
     needs: tuple[str, ...] = ()
     design: Callable[[Any, Path | None], Design] | None = None
     batch: Callable[[Sequence[Any], Context], Sequence[Results | UserError]] | None = None
+    front_of: str | None = None
 
 
 def lazily(where: str) -> Callable[..., Any]:

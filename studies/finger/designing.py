@@ -164,28 +164,41 @@ class Designer:
 
         It is far quicker than `missed`, and may miss what a search from many starts finds.
         """
-        own, known = spec.linkage_spec(), self.linkage(start)
-        linkage = known
-        if own != start.linkage_spec():
-            with self.context.step("Linkage nearby"):
-                linkage = judged_design(own, search_on(own, known.search), self.context.seed)
+        linkage = self.linkage_from(spec, start, self.linkage(start))
         if missed_by_linkage(spec, linkage):
             return False
         return not missed_by_mirrors(spec, *self.mirrors_near(spec, start))
 
     def mirrors_near(self, spec: FingerSpec, start: FingerSpec) -> tuple[MirrorDesign, Yield]:
+        """`mirrors_from` those that were designed for other settings, without a linkage."""
+        known = self.mirrors(start, blank_finger(start.linkage_spec()))
+        key = _optics(spec), _optics(start)
+        if key not in self._nearby:
+            self._nearby[key] = self.mirrors_from(spec, start, known)
+        return self._nearby[key]
+
+    def linkage_from(
+        self, spec: FingerSpec, start: FingerSpec, known: LinkageDesign
+    ) -> LinkageDesign:
+        """A linkage searched from that for other settings; it itself where these agree."""
+        own = spec.linkage_spec()
+        if own == start.linkage_spec():
+            return known
+        with self.context.step("Linkage nearby"):
+            return judged_design(own, search_on(own, known.search), self.context.seed)
+
+    def mirrors_from(
+        self, spec: FingerSpec, start: FingerSpec, known: tuple[MirrorDesign, Yield]
+    ) -> tuple[MirrorDesign, Yield]:
         """Camera and mirrors searched from those for other settings, without a linkage.
 
         They are these if, in the same body, they meet everything as they are.
         """
-        known = self.mirrors(start, blank_finger(start.linkage_spec()))
-        key = _optics(spec), _optics(start)
-        if key[0] == key[1] or (spec.body == start.body and not missed_by_mirrors(spec, *known)):
+        if _optics(spec) == _optics(start):
             return known
-        if key not in self._nearby:
-            placement = known[0].trials[known[0].chosen].placement
-            self._nearby[key] = self._searched(spec, [placement])
-        return self._nearby[key]
+        if spec.body == start.body and not missed_by_mirrors(spec, *known):
+            return known
+        return self._searched(spec, [known[0].trials[known[0].chosen].placement])
 
     def could_help(self, spec: FingerSpec, other: FingerSpec) -> bool:
         """Whether other settings bring all parts that miss something with these nearer.

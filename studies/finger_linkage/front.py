@@ -18,12 +18,13 @@ from studies.models.linkage_design.spec import FingerLinkageSpec, is_usual_but
 PLAIN = {
     "limits": {"pinch_force": 0.0, "tip_force": 0.0},
     "motor": {"parallelogram": False},
+    "links": {"shell": 0.7},
 }
-"""Settings without the motor's parallelogram and without forces."""
+"""Settings without the motor's parallelogram and without forces, with the walls of that search."""
 
 ELSEWHERE = {0.3: 17.51, 0.4: 39.24}
 """Least angles by bounds with these settings, degrees, by an independent search:
-``find_design(Asked(ratio=0.3, allowance=0.02), 0).least_deg`` of `studies.oracles.finger_search`,
+``find_design(Asked(ratio=0.3, allowance=0.02, shell=0.7), 0).least_deg`` of `studies.oracles.finger_search`,
 and the same with 0.4."""
 
 NEIGHBOUR, STARTS = "neighbour", "many starts"

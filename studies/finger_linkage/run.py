@@ -32,8 +32,8 @@ from studies.models.linkage_design.tables import add_tables
 from studies.models.spec_files import linkage_file
 from studies.models.words import words_of
 
-WITHOUT_PINCH = {"limits": {"pinch_force": 0.0}}
-"""Settings in which no pinch has to hold."""
+WITHOUT_PINCH = {"limits": {"pinch_force": 0.0}, "links": {"shell": 0.7}}
+"""Settings in which no pinch has to hold, with the walls of that search."""
 
 ASKED, ELSEWHERE = 45.8, 46.11
 """Least transmission angle asked for with these settings, a target of this project, and what an

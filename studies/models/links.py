@@ -47,8 +47,9 @@ layers, for the bars need two layers (plate and rod share a pin) and plate and c
 walls of the outer phalanges, the bar on that of the intermediate one; but for turning it inside
 out."""
 
-THICKNESS = (12.0, 1.4, 1.0, 1.0, 1.2)
-"""Of these layers, mm: half of the pads' width, LED strips on the acrylic's sides, bars, walls."""
+THICKNESS = (11.6, 1.4, 1.2, 1.2, 1.2)
+"""Of these layers, mm: half of the pads' width, LED strips on the acrylic's sides, bars, walls. No
+wall of a part that is printed or cut is thinner than 1.2 mm."""
 
 Length = Annotated[float, Field(gt=0, le=1e3)]
 Strength = Annotated[float, Field(gt=0, le=1e5)]
@@ -58,10 +59,10 @@ class LinksTable(Spec):
     """``[links]`` of a file and of settings; see `link_layers.Links`."""
 
     bar_width: Length = setting(4.0, "width of bars; their ends are round (mm)")
-    pin_diameter: Length = setting(2.0, "diameter of the links' pins (mm)")
+    pin_diameter: Length = setting(1.5, "diameter of the links' pins (mm)")
     axle_diameter: Length = setting(4.0, "diameter of the PIP and DIP axles (mm)")
     shell: float = setting(
-        0.7, "thickness of faces, end walls and what closes the joints (mm)", ge=0, le=100
+        1.2, "thickness of faces, end walls and what closes the joints (mm)", ge=0, le=100
     )
     play: float = setting(0.1, "between neighbouring layers (mm)", ge=0, le=10)
     bar_strength: Strength = setting(276.0, "yield strength of bars, 6061-T6 (N/mm²)")

@@ -74,7 +74,7 @@ class Asked:
     range_deg: float = 90.0
     bar_width: float = 4.0
     axle_diameter: float = 4.0
-    shell: float = 0.7
+    shell: float = 1.2
     clearance: float = 0.5
     spacing: float = 6.0
     crank_offset: float = 8.0

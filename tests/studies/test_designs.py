@@ -103,14 +103,14 @@ def chamber_of(name: str, *settings: str) -> Chamber:
 
 
 def test_the_packaged_linkage_has_the_transmission_angle_that_is_told(unsearched):
-    """44.55°, as the READMEs have it, by the general solver on the 1° grid."""
+    """42.32°, as the READMEs have it, by the general solver on the 1° grid."""
     linkage = designed("finger-linkage").linkage
     flexion = np.deg2rad(np.arange(0.0, 91.0))
     square = np.stack(np.meshgrid(flexion, flexion, indexing="ij"), axis=-1)
     poses, angles = everywhere(linkage, -jnp.asarray(square))
     assert bool(jnp.all(poses.ok))
     least = min(float(jnp.min(angle)) for angle in angles.values())
-    assert round(math.degrees(least), 2) == 44.55
+    assert round(math.degrees(least), 2) == 42.32
 
 
 def test_settings_that_only_judge_the_linkage_leave_it(unsearched):

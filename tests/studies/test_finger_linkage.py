@@ -346,7 +346,7 @@ def test_a_quick_search_beats_design_b(quick):
     pins = Pins(**{name: np.array(joints["G'" if name == "H" else name]) for name in "FEDCGH"})
     least = {metric.name: metric.value for metric in quick.metrics}["min_transmission_angle_deg"]
     assert_meets_requirements(pins, 25.0, None, least)
-    assert least > 44
+    assert least > 42
     (held,) = (table for table in quick.tables if table.name == "active")
     assert 0 < sum(row[-1] for row in held.rows) <= 1 + 1e-9
     (front,) = (table for table in quick.tables if table.name == "front")
@@ -366,7 +366,8 @@ search reached 46.7 and 46.11 with 3.2 mm to the faces."""
 @pytest.mark.nightly
 @pytest.mark.parametrize(("given", "driven", "asked"), ASKED.values(), ids=ASKED)
 def test_the_search_reaches_what_is_asked(tmp_path, given, driven, asked):
-    spec = FingerLinkageSpec(limits=LimitsSpec(**given), motor=MotorSpec(parallelogram=driven))
+    walls, motor = LinksTable(shell=0.7), MotorSpec(parallelogram=driven)
+    spec = FingerLinkageSpec(limits=LimitsSpec(**given), motor=motor, links=walls)
     found = search(spec, 0).finger
     verdict = judged(found, spec.limits, spec.motor)
     assert all(check.met for check in verdict.checks)

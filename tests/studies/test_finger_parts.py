@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import shapely
+from ezdxf.entities.arc import Arc
 from ezdxf.entities.lwpolyline import LWPolyline
 
 from designopt import UserError
@@ -84,7 +85,7 @@ def test_every_outline_of_the_drawing_is_closed_with_its_holes(finger):
         np.testing.assert_allclose(np.reshape(found, (-1, 3)), np.reshape(wanted, (-1, 3)))
         # The area that ezdxf's own arcs enclose.
         edges = [
-            [*edge.flattening(1e-4)] if edge.dxftype() == "ARC" else [edge.dxf.start, edge.dxf.end]
+            [*edge.flattening(1e-4)] if isinstance(edge, Arc) else [edge.dxf.start, edge.dxf.end]
             for edge in line.virtual_entities()
         ]
         drawn = shapely.MultiLineString([[(at.x, at.y) for at in edge] for edge in edges])

@@ -189,16 +189,18 @@ def test_what_a_pinch_holds_is_what_the_grasp_gives(place):
 
 
 def test_stresses_by_hand():
-    """A rod of 1 × 4 mm with 2 mm holes, and the pin at its end, with half of the force each."""
+    """A rod of 1.2 × 4 mm with 1.5 mm holes, and the pin at its end, half of the force each."""
     finger = driven()
     forces = find_pinch_forces(finger, jnp.zeros(1), 5.0, TIP)
     found, force = find_stresses(finger, forces), float(forces.pins["E"][0]) / 2
-    assert float(found.bars["rod"][0]) == pytest.approx(force / (1.0 * (4.0 - 2.0)))
-    shear = force / (math.pi / 4 * 2.0**2)
-    bending = force * 1.1 / 2 / (math.pi * 2.0**3 / 32)
+    assert float(found.bars["rod"][0]) == pytest.approx(force / (1.2 * (4.0 - 1.5)))
+    shear = force / (math.pi / 4 * 1.5**2)
+    bending = force * 1.3 / 2 / (math.pi * 1.5**3 / 32)
     assert float(found.pins["E"][0]) == pytest.approx(math.hypot(bending, math.sqrt(3) * shear))
     moment = float(forces.crank_moment[0]) / 2
-    driver = moment / ((4.0**3 - 2.0**3) / 24) + float(forces.pins["K"][0]) / 2 / 2.0
+    section = 1.2 * (4.0 - 1.5)
+    modulus = 1.2 * (4.0**3 - 1.5**3) / (6 * 4.0)
+    driver = moment / modulus + float(forces.pins["K"][0]) / 2 / section
     assert float(found.bars["driver"][0]) == pytest.approx(driver)
 
 

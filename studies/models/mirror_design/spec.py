@@ -167,7 +167,7 @@ class PadsSpec(Spec):
 class RoomSpec(Spec):
     """Where mirrors may be. Lengths in mm."""
 
-    clearance: Length = setting(1.0, "of mirrors from faces, end walls and camera body (mm)")
+    clearance: Length = setting(1.5, "of mirrors from faces, end walls and camera body (mm)")
     mount: float = setting(
         1.0, "thickness of a mirror's glass and backing, behind its line (mm)", ge=0, le=20
     )

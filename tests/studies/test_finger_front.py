@@ -1,0 +1,143 @@
+"""Fronts of fingers: who beats whom, where each design begins, and what is refused."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from designopt import cli
+from designopt.study.records import Records
+from designopt.study.study import Context
+from studies.finger import FingerSpec
+from studies.finger.designing import Designer
+from studies.finger.front import FingerFrontSpec
+from studies.finger.front import run as front
+from tests.commands import check_command_refused
+
+CONTEXT = Context(0, "float64", lambda _: nullcontext())
+
+
+def test_those_on_the_front_are_those_of_a_sorted_sweep():
+    """Of two objectives: by falling first one, each that has more of the second than all before."""
+    generator = np.random.default_rng(2)
+    for _ in range(50):
+        sharp, often = generator.uniform(0, 1, (2, 30))
+        missed = np.where(generator.uniform(size=30) < 0.2, "blur", "")
+        rows = Records({"resolution_px_per_mm": sharp, "yield": often, "missed": missed})
+        wanted, most = set(), -np.inf
+        for row in np.argsort(-sharp):
+            if missed[row] == "" and often[row] > most:
+                wanted.add(int(row))
+                most = often[row]
+        found = front.is_best(rows, ["resolution", "yield"])
+        assert set(np.flatnonzero(found).tolist()) == wanted
+
+
+def test_less_thickness_is_better():
+    rows = Records({"thickness_mm": [22.0, 25.0], "transmission_deg": [40.0, 40.0], "missed": ""})
+    assert front.is_best(rows, ["thickness", "transmission"]).tolist() == [True, False]
+
+
+class Recorder(Designer):
+    """Records where designs begin."""
+
+    def __init__(self) -> None:
+        super().__init__(CONTEXT)
+        self.begun: list[tuple[float, float]] = []
+
+    def linkage_from(self, spec: Any, start: Any, known: Any) -> Any:
+        self.begun.append((spec.linkage.limits.clearance, start.linkage.limits.clearance))
+        return known
+
+    def mirrors_from(self, spec: Any, start: Any, known: Any) -> Any:
+        del spec, start
+        return known
+
+
+def first_point(sharp: float = 6.0) -> front.Point:
+    verdict = SimpleNamespace(worst_px_per_mm=sharp, worst_coverage=1.0)
+    linkage: Any = SimpleNamespace(verdict=SimpleNamespace(least_deg=42.0))
+    mirrors: Any = SimpleNamespace(verdict=verdict)
+    share: Any = SimpleNamespace(value=0.99)
+    return front.Point(FingerSpec(), linkage, mirrors, share)
+
+
+def test_designs_begin_with_their_neighbours_from_the_first_outwards():
+    designer = Recorder()
+    spec = FingerFrontSpec(clearances=[0.25, 0.5, 0.75, 1.0])
+    found = front.find_points(spec, first_point(), designer)
+    asked = [changed["linkage.limits.clearance"] for changed, _ in found]
+    assert asked == [0.25, 0.5, 0.75, 1.0]
+    assert [point.values["clearance"] for _, point in found if point] == asked
+    # 0.5 mm is the default: it begins with itself, the others with the one next to them.
+    assert dict(designer.begun) == {0.5: 0.5, 0.25: 0.5, 0.75: 0.5, 1.0: 0.75}
+
+
+def test_settings_that_are_refused_are_no_point():
+    spec = FingerFrontSpec(objectives=["coverage", "thickness"], thickness_changes=[-20.0, 0.0])
+    found = front.find_points(spec, first_point(), Recorder())
+    assert [point is None for _, point in found] == [True, False]
+    assert [changed for changed, _ in found] == [{"body.thickness": 5.0}, {"body.thickness": 25.0}]
+
+
+def test_two_settings_make_a_grid_and_resolutions_are_parts():
+    spec = FingerFrontSpec(
+        objectives=["yield", "resolution", "layers"], sharper=[1.0, 1.5], thicker_layers=[0.5, 1.0]
+    )
+    found = front.find_points(spec, first_point(4.0), Recorder())
+    assert [tuple(changed.values()) for changed, _ in found] == [
+        (4.0, [0.5, 0.5]),
+        (4.0, [1.0, 1.0]),
+        (6.0, [0.5, 0.5]),
+        (6.0, [1.0, 1.0]),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("objectives", "words"),
+    [
+        (["transmission", "yield"], "name at least one of clearance"),
+        (["clearance", "thickness"], "one of transmission, yield, coverage"),
+        (["clearance", "clearance"], "differ"),
+        (["clearance"], "at least 2"),
+        (["beauty", "clearance"], "'transmission'"),
+    ],
+)
+def test_objectives_that_are_no_trade_off_are_refused(objectives, words):
+    with pytest.raises(ValidationError, match=words):
+        FingerFrontSpec.model_validate({"objectives": objectives})
+
+
+def test_layers_of_bare_pads_are_refused():
+    bare = {"pads": {"thickness": [], "index": []}}
+    with pytest.raises(ValidationError, match="bare pads"):
+        FingerFrontSpec.model_validate({"objectives": ["coverage", "layers"], "mirrors": bare})
+
+
+def test_the_command_runs_the_study_with_its_objectives(monkeypatch, tmp_path):
+    asked = {}
+
+    def run(study, spec, **given):
+        asked.update(given, study=study.name, spec=spec)
+        return SimpleNamespace(metrics=(), waived="", unmet=())
+
+    monkeypatch.setattr("designopt.study.runner.run", run)
+    (tmp_path / "my.toml").write_text("[body]\nthickness = 24.0\n", encoding="utf-8")
+    words = ["front", "finger", "--objectives", "yield, resolution", "--seed", "3"]
+    more = ["--config", str(tmp_path / "my.toml"), "--out", str(tmp_path / "new")]
+    assert cli.run([*words, *more]) == 0
+    assert (asked["study"], asked["seed"]) == ("finger-front", 3)
+    assert asked["spec"].objectives == ["yield", "resolution"]
+    assert asked["spec"].finger() == FingerSpec.model_validate({"body": {"thickness": 24.0}})
+
+
+def test_studies_without_trade_offs_are_refused(capsys):
+    words = ["'table1' has no trade-offs", "finger"]
+    check_command_refused(capsys, "front table1 --objectives a,b", words)
+    check_command_refused(capsys, "front finger --objectives a", ["objectives"])
+    check_command_refused(capsys, "front fingr --objectives a,b", ["did you mean 'finger'"])
