@@ -24,8 +24,8 @@ PLAIN = {
 
 ELSEWHERE = {0.3: 17.51, 0.4: 39.24}
 """Least angles by bounds with these settings, degrees, by an independent search:
-``find_design(Asked(ratio=0.3, allowance=0.02, shell=0.7), 0).least_deg`` of `studies.oracles.finger_search`,
-and the same with 0.4."""
+``find_design(Asked(ratio=0.3, allowance=0.02, shell=0.7), 0).least_deg``, and the same with 0.4, of
+`studies.oracles.finger_search`."""
 
 NEIGHBOUR, STARTS = "neighbour", "many starts"
 """From where a design of the front was found."""
