@@ -37,6 +37,7 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS_Shape, TopoDS_Wire
 from OCP.XCAFDoc import XCAFDoc_ColorSurf, XCAFDoc_DocumentTool
 
+from designopt.errors import UserError
 from designopt.export.arcs import arc_middle
 from designopt.export.parts import Hole, Outline, Part, Prism
 from designopt.io.files import printable
@@ -49,7 +50,7 @@ def make_solid(part: Part) -> TopoDS_Shape:
     """A part as one solid.
 
     Raises:
-        ValueError: its prisms hang together in no or in several pieces, or bound no solid.
+        UserError: its prisms hang together in no or in several pieces, or bound no solid.
     """
     shapes = [_prism(prism) for prism in part.prisms]
     shape = shapes[0]
@@ -57,12 +58,17 @@ def make_solid(part: Part) -> TopoDS_Shape:
         shape = _combined(BRepAlgoAPI_Fuse(), shapes[:1], shapes[1:])
     if part.cuts:
         shape = _combined(BRepAlgoAPI_Cut(), [shape], [_prism(prism) for prism in part.cuts])
+    # Faces in one plane become one, where the kernel manages that without faults.
     whole = ShapeUpgrade_UnifySameDomain(shape, True, True, True)
     whole.Build()
-    solids = solids_in(whole.Shape())
-    if len(solids) != 1 or not BRepCheck_Analyzer(solids[0]).IsValid():
-        raise ValueError(f"{part.name}: {len(solids)} solids in place of one, or one with faults")
-    return solids[0]
+    found = [solids_in(each) for each in (whole.Shape(), shape)]
+    for solids in found:
+        if len(solids) == 1 and BRepCheck_Analyzer(solids[0]).IsValid():
+            return solids[0]
+    raise UserError(
+        f"{part.name}: its prisms make {len(found[-1])} solids in place of one without faults; "
+        "move its pins or make its walls thicker"
+    )
 
 
 def solids_in(shape: TopoDS_Shape) -> list[TopoDS_Shape]:

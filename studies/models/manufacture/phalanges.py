@@ -90,6 +90,10 @@ def side_wall(section: Section, phalanx: Outer) -> Outline:
     upper = 2 * wrapped(corner, *above, *others, own)
     first = upper.index(corner)
     discs = [*upper[first : upper.index(own, first) + 1], (gap, low, 0.0)]
+    for u, y, radius in sorted(others):
+        if y - radius < low < y + radius and gap < u - radius and u + radius < length - POST:
+            # The post below it is part of the wall.
+            discs += [(u - radius, low, 0.0), (u, y, radius), (u + radius, low, 0.0)]
     if "M" in pins:
         u, y, radius = ring("M")
         ear = [(u, y, radius), (length, y + radius, 0.0)]
@@ -105,7 +109,8 @@ def cheek(section: Section) -> Outline:
     (pip, dip), middle, radius = section.gaps, section.middle, section.cheek
     rear, front = (-radius, -STEP / 2, 0.0), (middle + radius, -STEP / 2, 0.0)
     pad = (pip, section.palmar, 0.0), (middle - dip, section.palmar, 0.0)
-    below = 2 * wrapped(rear, section.ring("A"), *pad, section.ring("B"), front)
+    rings = [section.ring(pin) for pin in WALLS["intermediate"]]
+    below = 2 * wrapped(rear, *pad, *rings, front)
     first = below.index(rear)
     return around(
         *below[first : below.index(front, first) + 1],
