@@ -55,20 +55,21 @@ def make_solid(part: Part) -> TopoDS_Shape:
     shapes = [_prism(prism) for prism in part.prisms]
     shape = shapes[0]
     if len(shapes) > 1:
-        shape = _combined(BRepAlgoAPI_Fuse(), shapes[:1], shapes[1:])
+        # Faces in one plane become one, before anything is cut: afterwards it may make faults.
+        merged = ShapeUpgrade_UnifySameDomain(
+            _combined(BRepAlgoAPI_Fuse(), shapes[:1], shapes[1:]), True, True, True
+        )
+        merged.Build()
+        shape = merged.Shape()
     if part.cuts:
         shape = _combined(BRepAlgoAPI_Cut(), [shape], [_prism(prism) for prism in part.cuts])
-    # Faces in one plane become one, where the kernel manages that without faults.
-    whole = ShapeUpgrade_UnifySameDomain(shape, True, True, True)
-    whole.Build()
-    found = [solids_in(each) for each in (whole.Shape(), shape)]
-    for solids in found:
-        if len(solids) == 1 and BRepCheck_Analyzer(solids[0]).IsValid():
-            return solids[0]
-    raise UserError(
-        f"{part.name}: its prisms make {len(found[-1])} solids in place of one without faults; "
-        "move its pins or make its walls thicker"
-    )
+    solids = solids_in(shape)
+    if len(solids) != 1 or not BRepCheck_Analyzer(solids[0]).IsValid():
+        raise UserError(
+            f"{part.name}: its prisms make {len(solids)} solids in place of one without faults; "
+            "move its pins or make its walls thicker"
+        )
+    return solids[0]
 
 
 def solids_in(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
