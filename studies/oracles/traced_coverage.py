@@ -11,6 +11,7 @@ clear end within 0.01 mm of the membrane.
 
 from __future__ import annotations
 
+import cmath
 import math
 from pathlib import Path
 
@@ -18,7 +19,7 @@ import numpy as np
 
 from studies.oracles.finger_tables import scene_of_finger
 from studies.oracles.judge.frames import union
-from studies.oracles.judge.solids import Pose, Tables
+from studies.oracles.judge.solids import Pose, Tables, motion_of
 from studies.oracles.judge.tracing import Tracer
 
 RAYS = 2000
@@ -54,11 +55,12 @@ def traced_coverage(path: str | Path, degrees: np.ndarray) -> np.ndarray:
 def _in_pose(tables: Tables, pose: Pose) -> list[float]:
     """Coverage of every pad in one pose."""
     camera = tables["camera"]
-    eye = complex(*camera["position"])
+    turn, shift = motion_of(tables, pose, camera["body"])
+    eye = turn * complex(*camera["position"]) + shift
     tracer = Tracer(tables, pose, eye)
     lengths = np.array([frame.length for frame in tracer.pads])
     axis, half = (math.radians(camera[key]) for key in ("direction_deg", "fov_deg"))
-    half /= 2
+    axis, half = axis + cmath.phase(turn), half / 2
 
     def trace(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Labels, coordinates on the membranes (0 to 1), and directions there."""
