@@ -17,7 +17,7 @@ from kinematics.io.sketch import parse_sketch
 from kinematics.io.sketch_geometry import measure_sketch
 from studies.finger import FingerSpec
 from studies.models.checks import Check
-from studies.models.finger import PHALANGES, Finger
+from studies.models.finger import PHALANGES, Finger, camera_of
 from studies.models.grasp.analysis import Analysis, GraspCheck, analyze, summary
 from studies.models.grasp.spec import GraspSpec
 from studies.models.linkage_design.analysis import LinkageDesign, design_linkage, judged_design
@@ -270,7 +270,8 @@ def requirements(spec: FingerSpec, found: FingerDesign) -> Records:
     freedoms = degrees_of_freedom(found.finger)
     line("degrees of freedom", "Geometry", "2", str(freedoms), freedoms == 2)
     line("motors", "Hardware", "1", "1, at the crank (by construction)", True)
-    line("cameras", "Hardware", "1", "1, in the intermediate phalanx (by construction)", True)
+    host = camera_of(found.finger).phalanx
+    line("cameras", "Hardware", "1", f"1, in the {host} phalanx (by construction)", True)
     parts = f"at least {percent_at_least(seen)} of each in every posture"
     asked = "all, in every posture"
     line("sensing segments visible", "Tactile sensing", asked, parts, seen == 1.0)

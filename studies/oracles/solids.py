@@ -134,7 +134,7 @@ def bodies_of(name: str) -> tuple[str, ...]:
     what = name.split(",")[0]
     if what.startswith(("pin ", "axle ")):
         return CARRIERS[what.split(" ")[1]]
-    return (what.split(" ")[0] if what != "camera" else "intermediate",)
+    return (what.split(" ")[0],)
 
 
 def motions_of(tables: Mapping[str, Any], pip: float, dip: float) -> dict[str, Motion]:

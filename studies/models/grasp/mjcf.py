@@ -118,7 +118,8 @@ def grasp_mjcf(finger: Finger, thing: Circle | None = None) -> str:
 
 def _eye(finger: Finger) -> Eye:
     """The camera as a pinhole: a simulator's camera has no other lens, so that it sees less."""
-    sold = camera_of(finger).at(finger.body.dorsal)
+    camera = camera_of(finger)
+    sold = camera.at(finger.body)
     x, y = np.asarray(sold.position, float).tolist()
     field, pixels = min(float(sold.field_of_view), WIDEST), round(float(sold.pixels))
-    return Eye("camera", "intermediate", (x, y), float(sold.direction), field, pixels)
+    return Eye("camera", camera.phalanx, (x, y), float(sold.direction), field, pixels)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from designopt.export.parts import Assembly, BillRow, Hole, Outline, Part, Span, circle, hull
-from studies.models.finger import PHALANGES, Finger, links_of
+from studies.models.finger import PHALANGES, Finger, camera_of, links_of
 from studies.models.links import AXLES, BARS, OUTLINES
 from studies.models.manufacture.phalanges import (
     camera_half_width,
@@ -115,7 +115,8 @@ def _camera(finger: Finger) -> Part:
     boxes = camera_outlines(finger)
     size = f"{_extent(boxes[0])} in the section, {2 * half:g} mm across"
     prisms = tuple(through(box, half) for box in boxes)
-    return Part("camera", "camera", "intermediate", "bought", size, prisms, (), CAMERA)
+    host = camera_of(finger).phalanx
+    return Part(f"{host} camera", "camera", host, "bought", size, prisms, (), CAMERA)
 
 
 def _mirrors(section: Section, finger: Finger) -> list[Part]:

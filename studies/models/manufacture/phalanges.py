@@ -4,8 +4,8 @@ Each is one piece. The outer ones are troughs: the back, the end, and a wall at 
 pads, which holds PIP or DIP axle and the linkage's pins. The intermediate one has its walls outside
 the linkage: cheeks that close both joints at any angle. Ledges reach from the walls inwards as far
 as the LED strips, which lie beside the pads; between the ends of strips, posts hold the pads. A
-mirror lies on two rails behind it, the camera in a bridge that has its own outline, so that
-nothing stands where light passes.
+mirror lies on two rails behind it, in the intermediate phalanx on two ribs of its back; the camera
+lies in a bridge that has its own outline. So nothing stands where light passes.
 """
 
 from __future__ import annotations
@@ -192,6 +192,17 @@ def _outer(section: Section, phalanx: Outer, finger: Finger) -> list[Prism]:
         if mirror.phalanx == phalanx:
             rail = _rail(section, phalanx, mirror)
             found += sides(rail, section.half_width - SEAT, outer)
+    return found + _camera_seat(section, finger, phalanx)
+
+
+def _camera_seat(section: Section, finger: Finger, phalanx: Phalanx) -> list[Prism]:
+    """A bridge with the camera's own outline at both its sides, and what it hangs on."""
+    if finger.camera is None or finger.camera.phalanx != phalanx:
+        return []
+    half = camera_half_width(finger) + section.play
+    found = [through(_pedestal(section, finger), section.half_width)]
+    for box in camera_outlines(finger):
+        found += sides(box, half, section.half_width)
     return found
 
 
@@ -206,6 +217,14 @@ def _rail(section: Section, phalanx: Outer, mirror: FingerMirror) -> Outline:
     around_it = [start, behind_far, behind_far + section.shell * behind]
     around_it.append(start + section.shell * behind)
     return hull(*((*place, 0.0) for place in _outwards(section, phalanx, around_it)))
+
+
+def _rib(section: Section, mirror: FingerMirror) -> Outline:
+    """Between the mount of a mirror in the intermediate phalanx and the back, on which it hangs."""
+    _, _, far, near = np.asarray(mirror.corners).tolist()
+    behind = [(along, section.dorsal - depth, 0.0) for along, depth in (near, far)]
+    top = section.ceiling + section.shell / 2
+    return hull(*behind, *((along, top, 0.0) for along, _, _ in behind))
 
 
 def _outwards(
@@ -227,11 +246,10 @@ def _middle(section: Section, finger: Finger) -> list[Prism]:
     ]
     for start, stop in _posts(section, "intermediate"):
         found += sides(rectangle(start, stop, palmar, palmar + section.stack), inner, outer)
-    if finger.camera is not None:
-        half = camera_half_width(finger) + play
-        for box in camera_outlines(finger):
-            found += sides(box, half, section.half_width)
-        found.append(through(_pedestal(section, finger), section.half_width))
+    for mirror in finger.mirrors:
+        if mirror.phalanx == "intermediate":
+            found += sides(_rib(section, mirror), section.half_width - SEAT, section.half_width)
+    found += _camera_seat(section, finger, "intermediate")
     return found
 
 
