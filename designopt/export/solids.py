@@ -24,7 +24,6 @@ from OCP.collections import List_TopoDS_Shape
 from OCP.GC import GC_MakeArcOfCircle
 from OCP.gp import gp_Ax2, gp_Circ, gp_Dir, gp_Pnt, gp_Vec
 from OCP.IFSelect import IFSelect_RetDone
-from OCP.Interface import Interface_Static
 from OCP.Message import Message, Message_Gravity
 from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
 from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
@@ -110,7 +109,6 @@ def step_text(name: str, parts: Sequence[Part]) -> str:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "whole.step"
         writer = STEPCAFControl_Writer()
-        Interface_Static.SetIVal_s("write.step.assembly", 1)
         writer.Transfer(document)
         if writer.Write(str(path)) != IFSelect_RetDone:
             raise ValueError(f"{name}: the kernel wrote no STEP file")

@@ -49,6 +49,10 @@ OPTICAL = {
 """Requirements on the optics that have lines of their own, and what these are called."""
 
 
+DEMANDS = ("floor", "least_yield", "least_membrane")
+"""Settings of the mirrors that ask for something and are no part of a finger."""
+
+
 class FingerDesign(NamedTuple):
     """A finger that was designed.
 
@@ -192,11 +196,13 @@ class Designer:
     ) -> tuple[MirrorDesign, Yield]:
         """Camera and mirrors searched from those for other settings, without a linkage.
 
-        They are these if, in the same body, they meet everything as they are.
+        They are these where no more than `DEMANDS` differ, if they meet them as they are.
         """
         if _optics(spec) == _optics(start):
             return known
-        if spec.body == start.body and not missed_by_mirrors(spec, *known):
+        demands = {name: getattr(spec.mirrors, name) for name in DEMANDS}
+        same = start.model_copy(update={"mirrors": start.mirrors.model_copy(update=demands)})
+        if _optics(spec) == _optics(same) and not missed_by_mirrors(spec, *known):
             return known
         return self._searched(spec, [known[0].trials[known[0].chosen].placement])
 
