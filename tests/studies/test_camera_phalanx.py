@@ -72,9 +72,9 @@ def settings(host: Phalanx, phalanges: Sequence[Phalanx], layered: bool = False)
     return MirrorSpec.model_validate(given)
 
 
-def poor(spec: MirrorSpec, **body: Any) -> Finger:
+def poor(spec: MirrorSpec) -> Finger:
     """The poor layout in a body without pins."""
-    given = Finger.of(bare_body(**{"pad_clearance": 0.5, "range_deg": [*RANGES]} | body))
+    given = Finger.of(bare_body(pad_clearance=0.5, range_deg=[*RANGES]))
     made = poor_layout(given, spec.camera, spec.phalanges, spec.room.mount)
     return replace(made, layers=spec.pads.layers())
 
@@ -91,11 +91,15 @@ def random_finger(spec: MirrorSpec, seed: int) -> Finger:
 
 @pytest.mark.parametrize(("host", "phalanges", "layered"), CASES)
 def test_coverage_is_that_of_rays(tmp_path, host, phalanges, layered):
-    """By Snell's law from face to face; places and turns are those of `scene_of_finger`."""
-    spec, rng, shown = settings(host, phalanges, layered), np.random.default_rng(2), []
+    """By Snell's law from face to face; places and turns are those of `scene_of_finger`.
+
+    The camera's body is so wide that it hides something from the camera in the proximal phalanx.
+    """
+    spec, shown = settings(host, phalanges, layered), []
     by_library = jax.jit(find_coverage)
-    for seed in range(3):
-        made = random_finger(spec, seed)
+    for seed in (0, 1, 5):
+        made, rng = random_finger(spec, seed), np.random.default_rng(seed)
+        made = replace(made, camera=replace(camera_of(made), width=jnp.asarray(24.0)))
         write_finger(made, tmp_path / "finger.toml")
         tables = scene_of_finger(tmp_path / "finger.toml")
         degrees = rng.uniform(0, 1, (2, 2)) * RANGES
@@ -305,6 +309,14 @@ def test_searches_begin_within_their_bounds(host, phalanges, layered):
     # Over its own phalanx, whatever carries it.
     along = sorted(abs(float(camera_of(one).along)) for one in (least, greatest))
     assert along == [4.0, float(getattr(made.body, host)) - 4.0]
+    # A mirror between two joints may reach beyond both, another one as far as the end wall.
+    ends = {"proximal": (-34.0, 5.0), "intermediate": (-5.0, 28.0), "distal": (-5.0, 31.0)}
+    reached = dict.fromkeys(phalanges, (math.inf, -math.inf))
+    for low, high in zip(least.mirrors, greatest.mirrors, strict=True):
+        first, last = reached[low.phalanx]
+        own = float(jnp.min(low.ends[:, 0])), float(jnp.max(high.ends[:, 0]))
+        reached[low.phalanx] = min(first, own[0]), max(last, own[1])
+    assert reached == {phalanx: ends[phalanx] for phalanx in reached}
 
 
 @pytest.mark.parametrize(
