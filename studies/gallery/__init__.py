@@ -1,4 +1,4 @@
-"""Linkages, optical scenes and a chamber to look at and to copy, also by ``designopt new``."""
+"""Linkages, scenes, a chamber and requirements of fingers to copy, also by ``designopt new``."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ FOLDERS = {
     "linkages": ("linkage", "designopt explore"),
     "scenes": ("scene", "designopt trace"),
     "chambers": ("chamber", "designopt explore"),
+    "fingers": ("settings", "designopt run finger --config"),
 }
 """What each folder has, and what takes it."""
 

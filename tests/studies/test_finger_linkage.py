@@ -333,7 +333,7 @@ def test_lengths_of_links():
 @pytest.fixture(scope="module")
 def quick():
     """The study with a search of one round and one bound, without the other solvers."""
-    how = {"starts": 4, "among": 4096, "exchanges": 1, "step_deg": 30.0, "finalists": 1}
+    how = {"starts": 8, "among": 4096, "exchanges": 1, "step_deg": 30.0, "finalists": 1}
     return run_study(
         "finger-linkage", {"search": how, "draws": 10, "precision": False, "front": [0.5]}
     )

@@ -43,7 +43,7 @@ class FingerFrontSpec(FingerSpec):
         [-3.0, -2.0, -1.0, 0.0, 1.0, 2.0], "changes of body.thickness (mm)", free=True, min_length=1
     )
     sharper: list[Annotated[float, Field(gt=0, le=10)]] = setting(
-        [1.0, 1.1, 1.2, 1.3, 1.4],
+        [1.0, 1.05, 1.1, 1.15, 1.2],
         "least resolution, in parts of what the finger has without asking for more",
         free=True,
         min_length=1,
