@@ -20,8 +20,11 @@ from studies.models.checks import Check
 from studies.models.finger import PHALANGES, Finger
 from studies.models.grasp.analysis import Analysis, GraspCheck, analyze, summary
 from studies.models.grasp.spec import GraspSpec
-from studies.models.linkage_design.analysis import LinkageDesign, design_linkage, judged_design
-from studies.models.linkage_design.searching import blank_finger, search_on
+from studies.models.linkage_design.analysis import LinkageDesign, design_linkage, design_nearby
+from studies.models.linkage_design.coupling.judging import DIP_ERROR, CoupledVerdict
+from studies.models.linkage_design.problem import TIP
+from studies.models.linkage_design.searching import blank_finger
+from studies.models.linkage_kinds import KINDS
 from studies.models.mirror_design.design import MirrorDesign, design_mirrors, first_placements
 from studies.models.mirror_design.judging import percent_at_least
 from studies.models.mirror_design.placement import Placement
@@ -58,7 +61,8 @@ class FingerDesign(NamedTuple):
         mirrors: its camera and mirrors.
         share: part of the fingers with errors of assembly that show everything.
         closings: how it closes; ``None`` where its linkage does not assemble in every posture,
-            for then there is no closing to compute.
+            for then there is no closing to compute, and of a coupled finger, whose closing is one
+            curve.
         grasp: what these come to.
     """
 
@@ -135,7 +139,7 @@ class Designer:
         """Linkage, mirrors and grasp of a finger for its requirements."""
         linkage, mirrors, share = self.parts(spec)
         finger = mirrors.finger
-        if not linkage.verdict.assembles:
+        if isinstance(linkage.verdict, CoupledVerdict) or not linkage.verdict.assembles:
             return FingerDesign(finger, linkage, mirrors, share, None, None)
         body = spec.body
         settings = GraspSpec(
@@ -185,7 +189,7 @@ class Designer:
         if own == start.linkage_spec():
             return known
         with self.context.step("Linkage nearby"):
-            return judged_design(own, search_on(own, known.search), self.context.seed)
+            return design_nearby(own, known.search, self.context.seed)
 
     def mirrors_from(
         self, spec: FingerSpec, start: FingerSpec, known: tuple[MirrorDesign, Yield]
@@ -268,8 +272,10 @@ def requirements(spec: FingerSpec, found: FingerDesign) -> Records:
     phalanges = len(set(PHALANGES) & set(found.finger.linkage_tables()["bodies"]))
     line("phalanges", "Geometry", "3", str(phalanges), phalanges == 3)
     freedoms = degrees_of_freedom(found.finger)
-    line("degrees of freedom", "Geometry", "2", str(freedoms), freedoms == 2)
-    line("motors", "Hardware", "1", "1, at the crank (by construction)", True)
+    kind = KINDS[spec.linkage.kind]
+    asked, crank = kind.freedoms, "crank" if "crank" in kind.outlines else f"{kind.crank} phalanx"
+    line("degrees of freedom", "Geometry", str(asked), str(freedoms), freedoms == asked)
+    line("motors", "Hardware", "1", f"1, at the {crank} (by construction)", True)
     line("cameras", "Hardware", "1", "1, in the intermediate phalanx (by construction)", True)
     parts = f"at least {percent_at_least(seen)} of each in every posture"
     asked = "all, in every posture"
@@ -301,6 +307,14 @@ def requirements(spec: FingerSpec, found: FingerDesign) -> Records:
     name = "links inside the phalanges, apart, away from lock-up"
     amounts = [f"{one.name} {one.achieved:.4g} {one.unit}".strip() for one in unmet]
     line(name, "§3.1.2", "every limit kept", "; ".join(amounts) or "every limit kept", not unmet)
+    if isinstance(linkage, CoupledVerdict):
+        off = linkage.check(DIP_ERROR)
+        asked = f"{dip:g}° ± {off.required:g}°"
+        reached = f"{linkage.dip_deg[-1]:.1f}°, {linkage.dip_deg[-1] / pip:.2f} of PIP's"
+        line("DIP where PIP is at its end", "this project", asked, reached, off.met)
+        force = linkage.check(TIP)
+        name = "force at the tip of the distal pad, with the motor's moment"
+        line(name, "this project", *in_words(force), force.met)
     if found.grasp is not None:
         straight, touching = found.grasp.free_closing_pip_deg, found.grasp.adaptive_dip_deg
         name, asked = "pinch: DIP stays straight while PIP closes freely", end - SHORT_DEG

@@ -12,6 +12,7 @@ from kinematics.export.drawing import linkage_quantities, make_linkage_drawing
 from optics.export.scene_drawing import HINGES, make_scene_drawing, scene_quantities
 from studies.models.designed import designed_linkage, designed_scene
 from studies.models.finger import Body, Finger
+from studies.models.linkage_kinds import SIX_BAR
 from studies.models.links import WALLS
 from studies.models.manufacture.plates import make_plates
 
@@ -23,13 +24,13 @@ def make_finger_drawing(finger: Finger) -> Drawing:
     """The section of the straight finger, PIP axis at the origin, x towards the tip.
 
     Linkage, camera, mirrors and pads lie on the layers of their own drawings; hinges are pins of
-    the linkage. Where links have widths, every bar and side wall is a closed outline with its holes
-    on a layer of its own, and so is every mirror's glass. The faces and ends of the finger are
-    construction lines.
+    the linkage. Where links of a six-bar have widths, every bar and side wall is a closed outline
+    with its holes on a layer of its own, and so is every mirror's glass. The faces and ends of the
+    finger are construction lines.
     """
     links = make_linkage_drawing(designed_linkage(finger), pose=False)
     optics = make_scene_drawing(designed_scene(finger), pose=False)
-    if finger.links is not None:
+    if finger.links is not None and finger.links.kind is SIX_BAR:
         links = _with_outlines(links, finger)
     return Drawing(
         title=finger.name,

@@ -33,12 +33,13 @@ from studies.models.finger import (
     Finger,
     FingerSpring,
     camera_of,
-    spring_of,
 )
 from studies.models.finger_file import packaged_or_designed, read_finger
 from studies.models.grasp.figures import draw_sequences
+from studies.models.linkage_design.coupling.judging import CoupledVerdict
 from studies.models.linkage_design.figures import add_figures, draw_straight
 from studies.models.linkage_design.tables import add_tables
+from studies.models.linkage_kinds import KINDS, SIX_BAR
 from studies.models.manufacture.parts import make_assembly
 from studies.models.mirror_design.clearances import layer_outlines, mirror_outlines
 from studies.models.mirror_design.figures import draw_views, drawn_postures
@@ -77,10 +78,13 @@ def run(spec: FingerSpec, context: Context) -> Results:
     out.table("dimensions", dimensions(found.finger))
     add_requirements(out, found.mirrors, found.share, spec.mirrors)
     add_tables(out, spec.linkage.limits, found.linkage)
-    assembly = make_assembly(found.finger)
-    out.table("bill", bill(assembly))
+    # Parts are made for the six-bar's walls and layers.
+    assembly = make_assembly(found.finger) if spec.linkage.kind == SIX_BAR.name else None
+    if assembly is not None:
+        out.table("bill", bill(assembly))
     out.figure("drawing", draw_section(found.finger), most=4)
-    out.figure("parts", draw_assembly(assembly))
+    if assembly is not None:
+        out.figure("parts", draw_assembly(assembly))
     verdict = found.mirrors.verdict
     degrees = ", ".join(f"{verdict.degrees[i]:g}" for i in drawn_postures(verdict))
     out.figure("views", draw_views(found.mirrors.finger.scene(), verdict), degrees=degrees)
@@ -116,6 +120,8 @@ def finger_design(spec: FingerSpec, folder: Path | None) -> Finger:
 
     known = folder is not None
     finger = read_finger(folder) if known else packaged_or_designed(spec, DECIDING, designed)
+    if not KINDS[spec.linkage.kind].springs:
+        return finger
     return replace(finger, spring=spring_from(spec.spring))
 
 
@@ -126,7 +132,7 @@ def spring_from(spec: SpringSpec) -> FingerSpring:
 
 def dimensions(finger: Finger) -> Records:
     """Phalanges, camera, mirrors and spring; the pins have their own table."""
-    body, scene, spring = finger.body, finger.scene(), spring_of(finger)
+    body, scene = finger.body, finger.scene()
     x, y = scene.camera.position
     tilt = math.degrees(camera_of(finger).tilt)
     camera = "camera, from A in the intermediate phalanx"
@@ -149,9 +155,10 @@ def dimensions(finger: Finger) -> Records:
                 (part, f"{end} end, y", dorsal - depth, "mm"),
             ]
         rows.append((part, "mount behind it", float(mirror.mount), "mm"))
-    for name, unit in (("stiffness", "N mm/rad"), ("preload", "rad")):
-        part = "spring between distal phalanx and plate"
-        rows.append((part, name, getattr(spring, name), unit))
+    if finger.spring is not None:
+        for name, unit in (("stiffness", "N mm/rad"), ("preload", "rad")):
+            part = "spring between distal phalanx and plate"
+            rows.append((part, name, getattr(finger.spring, name), unit))
     parts, names, values, units = zip(*rows, strict=True)
     numbers = [float(value) for value in values]
     return Records({"part": parts, "dimension": names, "value": numbers, "unit": units})
@@ -203,10 +210,13 @@ def add_findings(
     if held := [one.words for one in search.held_by()[:4]]:
         out.say("held", held=", ".join(held))
     out.say("yield", low=100 * found.share.low)
-    if found.grasp is None:
+    verdict = found.linkage.verdict
+    if isinstance(verdict, CoupledVerdict):
+        out.say("coupled", pip=verdict.pip_deg[-1], dip=verdict.dip_deg[-1])
+    elif found.grasp is None:
         out.say("no-grasp")
     else:
-        ratio = found.linkage.verdict.ratio[:, 0]
+        ratio = verdict.ratio[:, 0]
         low, high = float(ratio.min()), float(ratio.max())
         out.say("grasp", ratio_low=low, ratio_high=high, where=pinching(spec, high))
     out.say("files")

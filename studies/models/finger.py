@@ -30,8 +30,9 @@ from optics.scene.scene import WORLD, Frame, Layout, Scene, Surface
 from optics.scene.thin_lens import ThinLens
 from studies.models.body import BodyTable
 from studies.models.link_layers import Links
+from studies.models.linkage_kinds import PARALLELOGRAM, LinkageKind
 from studies.models.pad_layers import PadLayers, Room
-from studies.models.pins import Pins, pin_name
+from studies.models.pins import AnyPins, CouplingPins, Pins, pin_name
 
 Drive = Literal["joints", "crank"]
 Phalanx = Literal["proximal", "intermediate", "distal"]
@@ -51,6 +52,7 @@ SETBACK = 0.5
 
 Number = Float[Array, "*batch"]
 Part = TypeVar("Part")
+Kind = TypeVar("Kind", Pins, CouplingPins)
 
 
 class Body(eqx.Module):
@@ -171,19 +173,20 @@ class FingerSpring(eqx.Module):
 class FingerMotor(eqx.Module):
     """The motor, which turns the crank through a parallelogram.
 
-    Its driver M-N is parallel to F-K of the crank, and the coupler N-K to M-F.
+    Its driver M-N is parallel to F-K of the crank, and the coupler N-K to M-F. The crank of a
+    coupled finger is its intermediate phalanx, and F is then A.
 
     Attributes:
         behind: of its axis M behind the rear end of the proximal phalanx, mm.
-        above: of its axis over that of the crank, F, mm.
+        above: of its axis over that of the crank, mm.
     """
 
     behind: Number = eqx.field(converter=as_float)
     above: Number = eqx.field(converter=as_float)
 
-    def axis(self, body: Body, pins: Pins) -> Float[Array, "2"]:
+    def axis(self, body: Body, pins: AnyPins) -> Float[Array, "2"]:
         """Place of its axis M, mm."""
-        return jnp.stack([-body.proximal - self.behind, pins.F[..., 1] + self.above])
+        return jnp.stack([-body.proximal - self.behind, pins.crank_axis[..., 1] + self.above])
 
 
 class FingerCamera(eqx.Module):
@@ -325,7 +328,7 @@ class Finger(eqx.Module):
 
     Attributes:
         body: the phalanges.
-        pins: of the linkage; ``None`` where the finger has none.
+        pins: of the linkage, whose kind they decide; ``None`` where the finger has none.
         spring: ``None`` where the finger has none.
         camera: ``None`` where the finger sees nothing.
         mirrors: in order; several may be on one phalanx.
@@ -339,7 +342,7 @@ class Finger(eqx.Module):
     """
 
     body: Body
-    pins: Pins | None
+    pins: AnyPins | None
     spring: FingerSpring | None
     camera: FingerCamera | None
     mirrors: tuple[FingerMirror, ...]
@@ -353,7 +356,7 @@ class Finger(eqx.Module):
     def of(
         cls,
         body: Body,
-        pins: Pins | None = None,
+        pins: AnyPins | None = None,
         spring: FingerSpring | None = None,
         camera: FingerCamera | None = None,
         mirrors: Sequence[FingerMirror] = (),
@@ -365,6 +368,11 @@ class Finger(eqx.Module):
     ) -> Finger:
         """A finger from its parts; the pins, plain numbers, choose how it is assembled."""
         assembly = None
+        if pins is not None and links is not None and pins.kind != links.kind:
+            raise UserError(
+                f"{name}: [pins] are of a {pins.kind.name} linkage and the layers of [links] of a "
+                f"{links.kind.name} one; correct 'layers'"
+            )
         if pins is not None and (motor is None) != (pins.K is None):
             raise UserError(
                 f"{name}: the motor's parallelogram has pin K on the crank and its axis in "
@@ -374,7 +382,9 @@ class Finger(eqx.Module):
             joints = _joints(body, pins, motor)
             places = {joint: np.asarray(at, float) for joint, at in joints.items()}
             by_joints, by_crank = (
-                assembly_signs(_structure(drive, springs=False, driven=motor is not None), places)
+                assembly_signs(
+                    _structure(pins.kind, drive, springs=False, driven=motor is not None), places
+                )
                 for drive in DRIVES
             )
             assembly = by_joints, by_crank
@@ -385,7 +395,7 @@ class Finger(eqx.Module):
         """Names of its mirrors, in their order; see `mirror_names`."""
         return mirror_names([mirror.phalanx for mirror in self.mirrors])
 
-    def with_pins(self, pins: Pins) -> Finger:
+    def with_pins(self, pins: AnyPins) -> Finger:
         """The same finger with other pins, plain numbers, assembled as they stand.
 
         In traced code, ``dataclasses.replace(finger, pins=pins)`` keeps how it is assembled.
@@ -398,7 +408,8 @@ class Finger(eqx.Module):
 
         Args:
             drive: inputs are the joints ``pip`` and ``dip``, or ``theta`` of the crank and
-                ``gamma`` of the plate relative to the distal phalanx.
+                ``gamma`` of the plate relative to the distal phalanx. A coupled finger has the
+                first of either alone; its crank is the intermediate phalanx.
 
         Raises:
             UserError: the finger has no pins.
@@ -421,16 +432,18 @@ class Finger(eqx.Module):
     def _linkage_parts(
         self, drive: Drive
     ) -> tuple[Structure, dict[str, Float[Array, "2"]], tuple[LinkageSpring, ...]]:
-        pins = pins_of(self)
+        pins = linkage_pins(self)
         springs: tuple[LinkageSpring, ...] = ()
-        if drive == "crank" and self.spring is not None:
+        if drive == "crank" and self.spring is not None and pins.kind.springs:
             springs = (LinkageSpring(self.spring.stiffness, self.spring.preload),)
-        structure = _structure(drive, springs=bool(springs), driven=self.motor is not None)
+        driven = self.motor is not None
+        structure = _structure(pins.kind, drive, springs=bool(springs), driven=driven)
         return structure, _joints(self.body, pins, self.motor), springs
 
     def joined(self) -> dict[str, list[str]]:
         """The bodies that every pin joins, by its name; H is paper B's G'."""
-        structure = _structure("joints", springs=False, driven=self.motor is not None)
+        kind, driven = linkage_pins(self).kind, self.motor is not None
+        structure = _structure(kind, "joints", springs=False, driven=driven)
         bodies: dict[str, list[str]] = {}
         for part in structure.bodies:
             for joint in part.joints:
@@ -542,13 +555,41 @@ class Finger(eqx.Module):
         )
 
 
-def pins_of(finger: Finger) -> Pins:
-    """The finger's pins.
+def linkage_pins(finger: Finger) -> AnyPins:
+    """The finger's pins, of whichever kind its linkage is.
 
     Raises:
         UserError: it has none.
     """
     return _present(finger, finger.pins, "linkage", "pins")
+
+
+def pins_of(finger: Finger) -> Pins:
+    """The pins of a six-bar finger.
+
+    Raises:
+        UserError: it has none, or is coupled.
+    """
+    return _pins_of_kind(finger, Pins)
+
+
+def coupling_pins_of(finger: Finger) -> CouplingPins:
+    """The pins of a coupled finger.
+
+    Raises:
+        UserError: it has none, or a six-bar.
+    """
+    return _pins_of_kind(finger, CouplingPins)
+
+
+def _pins_of_kind(finger: Finger, kind: type[Kind]) -> Kind:
+    pins = linkage_pins(finger)
+    if not isinstance(pins, kind):
+        raise UserError(
+            f"{finger.name}: its linkage is {pins.kind.name}, and this needs one that is "
+            f"{kind.kind.name}; give [pins] {', '.join(map(pin_name, kind.kind.pins))}"
+        )
+    return pins
 
 
 def links_of(finger: Finger) -> Links:
@@ -588,7 +629,7 @@ def _line(start: Sequence[Number], end: Sequence[Number]) -> Float[Array, "2 2"]
     return jnp.stack([jnp.stack(list(start)), jnp.stack(list(end))])
 
 
-def _joints(body: Body, pins: Pins, motor: FingerMotor | None) -> dict[str, Float[Array, "2"]]:
+def _joints(body: Body, pins: AnyPins, motor: FingerMotor | None) -> dict[str, Float[Array, "2"]]:
     """Every joint of the linkage in the straight finger, by its name in files."""
     zero = jnp.zeros_like(body.intermediate)
     along = {
@@ -602,41 +643,31 @@ def _joints(body: Body, pins: Pins, motor: FingerMotor | None) -> dict[str, Floa
     if motor is not None:
         assert pins.K is not None  # as `Finger.of` refuses a motor without it
         axis = motor.axis(body, pins)
-        joints |= {"M": axis, "N": axis + pins.K - pins.F}
+        joints |= {"M": axis, "N": axis + pins.K - pins.crank_axis}
     return joints
 
 
 @functools.cache
-def _structure(drive: Drive, *, springs: bool, driven: bool) -> Structure:
-    inputs = {
-        "joints": (
-            InputPart("pip", "intermediate", None, "proximal"),
-            InputPart("dip", "distal", None, "intermediate"),
-        ),
-        "crank": (InputPart("theta", "crank", None), InputPart("gamma", "plate", None, "distal")),
-    }
-    bodies = {
-        "proximal": ("O", "A", "F"),
-        "intermediate": ("A", "B", "G"),
-        "distal": ("B", "T", "C"),
-        "plate": ("C", "D", pin_name("H")),
-        "rod": ("D", "E"),
-        "crank": ("F", "E"),
-        "bar": ("G", pin_name("H")),
-    }
-    pins = "FEDCGH"
+def _structure(kind: LinkageKind, drive: Drive, *, springs: bool, driven: bool) -> Structure:
+    bodies, pins = dict(kind.bodies), kind.pins
     if driven:
-        bodies["proximal"] += ("M",)
-        bodies["crank"] += ("K",)
-        bodies |= {"driver": ("M", "N"), "coupler": ("N", "K")}
+        bodies["proximal"] += "M"
+        bodies[kind.crank] += "K"
+        bodies |= {name: kind.outlines[name] for name in PARALLELOGRAM}
         pins += "KMN"
     return Structure(
         name="finger" if drive == "joints" else "finger, driven by its crank",
-        joints=("O", "A", "B", "T", *(pin_name(name) for name in pins)),
-        bodies=tuple(BodyPart(name, at, name == "proximal") for name, at in bodies.items()),
+        joints=tuple(pin_name(name) for name in "OABT" + pins),
+        bodies=tuple(
+            BodyPart(name, tuple(map(pin_name, at)), name == "proximal")
+            for name, at in bodies.items()
+        ),
         sliders=(),
-        inputs=inputs[drive],
-        springs=(("distal", "plate"),) if springs else (),
+        inputs=tuple(
+            InputPart(name, body, None, relative_to)
+            for name, body, relative_to in kind.inputs[drive]
+        ),
+        springs=kind.springs if springs else (),
     )
 
 

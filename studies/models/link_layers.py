@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from designopt import as_float
+from studies.models.linkage_kinds import LinkageKind, kind_of_layers
 from studies.models.links import BARS, LinksTable
 
 Number = Float[Array, "*batch"]
@@ -58,6 +59,11 @@ class Links(eqx.Module):
     def width(self) -> Number:
         """Width of the finger that they need, mm."""
         return 2 * self.edges[..., -1, 1]
+
+    @property
+    def kind(self) -> LinkageKind:
+        """The kind of linkage whose parts lie in the layers."""
+        return kind_of_layers(self.layers)
 
     def layer_of(self, part: str) -> int:
         """The layer of a part."""

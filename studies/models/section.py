@@ -27,6 +27,7 @@ COLORS = {
     "bar": PINK,
     "driver": VERMILION,
     "coupler": ORANGE,
+    "coupling": GREEN,
 }
 """Of the links; those of the motor's parallelogram are dashed in the colors of the linkage's."""
 
@@ -36,7 +37,7 @@ ROUND = np.exp(1j * np.linspace(0, 2 * np.pi, 48, endpoint=False))
 @jax.jit
 def _places(linkage: Linkage, inputs: Float[Array, "2"]) -> dict[str, Float[Array, "2"]]:
     pose = solve_poses(linkage, inputs).value
-    names = "ABCDEFGH" + ("KMN" if "M" in pose.joints else "")
+    names = [name for name in "ABCDEFGHPQKMN" if pin_name(name) in pose.joints]
     return {name: pose.position(pin_name(name)) for name in names}
 
 
@@ -65,7 +66,9 @@ def draw_finger(
         named: write the pins' names, for which the drawing has to be large.
     """
     body = finger.body
-    places = _places(finger.linkage(), -jnp.asarray(joints))
+    linkage = finger.linkage()
+    driven = len(linkage.structure.inputs)
+    places = _places(linkage, -jnp.asarray(joints)[:driven])
     at = {name: complex(*np.asarray(place)) for name, place in places.items()}
 
     def draw(path: Sequence[complex] | np.ndarray, color: str, label: str, **style: Any) -> None:
@@ -95,8 +98,9 @@ def draw_finger(
         dashed = "--" if name in ("driver", "coupler") else "-"
         line = {"linewidth": 1.0 if radius else 2.0, "linestyle": dashed}
         draw([*corners, *corners[:1]], color, name, **line)
-    for host, pin in ("AF", "AG", "BC"):
-        draw([at[host], at[pin]], BODY, "_", linewidth=1.0, linestyle=":")
+    for host, pin in ("AF", "AG", "BC", "AP", "BQ"):
+        if pin in at:
+            draw([at[host], at[pin]], BODY, "_", linewidth=1.0, linestyle=":")
     size = 4 if named else 2.5
     hole = {"marker": "o", "linestyle": "", "markerfacecolor": "white", "markersize": size}
     draw([*at.values()], "black", "_", **hole)

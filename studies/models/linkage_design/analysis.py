@@ -11,10 +11,14 @@ from jaxtyping import Float
 from studies.models.checks import Check
 from studies.models.finger import Finger, links_of
 from studies.models.link_layers import Links, Meeting
+from studies.models.linkage_design.coupling.judging import CoupledVerdict, judge_coupled
+from studies.models.linkage_design.coupling.searching import search_coupling
+from studies.models.linkage_design.coupling.tolerance import least_coupled_angles
 from studies.models.linkage_design.judging import Verdict, judged
-from studies.models.linkage_design.searching import Search, search
+from studies.models.linkage_design.searching import Search, search, search_on
 from studies.models.linkage_design.spec import FingerLinkageSpec, LimitsSpec
 from studies.models.linkage_design.tolerance import least_angles
+from studies.models.linkage_kinds import COUPLED
 
 
 @dataclass(frozen=True)
@@ -31,7 +35,7 @@ class LinkageDesign:
 
     finger: Finger
     search: Search
-    verdict: Verdict
+    verdict: Verdict | CoupledVerdict
     width: Check
     drawn: Float[np.ndarray, " draws"]
 
@@ -51,7 +55,24 @@ def design_linkage(
         seed: of the search's starts and of the tolerance study's draws.
         near: see `searching.search`.
     """
+    if spec.kind == COUPLED.name:
+        return judged_design(spec, search_coupling(spec, seed), seed)
     return judged_design(spec, search(spec, seed, near), seed)
+
+
+def design_nearby(spec: FingerLinkageSpec, found: Search, seed: int) -> LinkageDesign:
+    """The best linkage near one that was found for other settings, judged.
+
+    That of a coupled finger is searched anew, which takes little time.
+
+    Args:
+        spec: the study's settings.
+        found: see `searching.search_on`.
+        seed: as in `design_linkage`.
+    """
+    if spec.kind == COUPLED.name:
+        return design_linkage(spec, seed)
+    return judged_design(spec, search_on(spec, found), seed)
 
 
 def judged_design(spec: FingerLinkageSpec, found: Search, seed: int) -> LinkageDesign:
@@ -62,9 +83,12 @@ def judged_design(spec: FingerLinkageSpec, found: Search, seed: int) -> LinkageD
         found: a search with them.
         seed: of the tolerance study's draws.
     """
-    verdict = judged(found.finger, spec.limits, spec.motor)
+    judge, least = judged, least_angles
+    if spec.kind == COUPLED.name:
+        judge, least = judge_coupled, least_coupled_angles
+    verdict = judge(found.finger, spec.limits, spec.motor)
     width = layers_fit(spec.limits, links_of(found.finger))
-    drawn = least_angles(found.finger, spec.tolerance, spec.draws, seed)
+    drawn = least(found.finger, spec.tolerance, spec.draws, seed)
     return LinkageDesign(found.finger, found, verdict, width, drawn)
 
 

@@ -26,27 +26,18 @@ from kinematics.solve.clearance import find_separation
 from studies.models.finger import Body, Finger, links_of
 from studies.models.link_layers import Meeting, find_meetings
 from studies.models.linkage_design.postures import Postures
+from studies.models.linkage_kinds import SIX_BAR
 from studies.models.links import AXLES, OUTLINES
 from studies.models.pins import pin_name
 
 FACES = {"proximal": "OA", "intermediate": "AB", "distal": "BT"}
 """The phalanges by the ends of their axes, which their palmar faces are parallel to."""
 
-BESIDE = {"rod": "A", "plate": "B"}
-"""Bars with pins beside both phalanges of a joint, and its axle."""
+BESIDE = {"rod": "A", "plate": "B", "coupling": ""}
+"""Bars with pins beside both phalanges of a joint, and its axle; of one beside both joints none."""
 
-HOSTS = {
-    "F": "proximal",
-    "E": "proximal",
-    "D": "intermediate",
-    "G": "intermediate",
-    "H": "intermediate",
-    "C": "distal",
-    "K": "proximal",
-}
-"""The phalanx beside which a pin lies, in whose frame it is looked at. (An argument from their
-motions: F, G and C are fixed there, E and K swing beside the proximal phalanx, D and G' beside the
-intermediate one.)"""
+HOSTS = SIX_BAR.hosts
+"""The phalanx beside which a pin of the six-bar lies, in whose frame it is looked at."""
 
 
 def name_of(meeting: Meeting) -> str:

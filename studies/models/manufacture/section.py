@@ -18,6 +18,7 @@ from designopt.export.drawing import Place
 from designopt.export.parts import Disc, Outline, around
 from studies.models.finger import Finger, links_of
 from studies.models.linkage_design.problem import pin_places
+from studies.models.linkage_kinds import SIX_BAR
 from studies.models.links import AXLES, LAYERS
 
 Outer = Literal["proximal", "distal"]
@@ -69,6 +70,11 @@ class Section:
             UserError: it has no pins or links, or the links lie in another order.
         """
         links, body = links_of(finger), finger.body
+        if links.kind is not SIX_BAR:
+            raise UserError(
+                f"{finger.name}: parts to make are derived for the {SIX_BAR.name} linkage alone, "
+                f"and this one is {links.kind.name}"
+            )
         if [set(one) for one in links.layers] != [set(one) for one in LAYERS]:
             raise UserError(
                 f"{finger.name}: parts are made for links in the order {LAYERS}; correct 'layers' "
