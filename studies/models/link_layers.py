@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from designopt import as_float
 from studies.models.linkage_kinds import LinkageKind, kind_of_layers
-from studies.models.links import BARS, LinksTable
+from studies.models.links import OUTLINES, LinksTable
 
 Number = Float[Array, "*batch"]
 
@@ -95,7 +95,7 @@ def find_meetings(links: Links, joined: Mapping[str, Sequence[str]]) -> list[Mee
         >>> [tuple(pair) for pair in find_meetings(links, pins)][:4]
         [('crank', 'plate'), ('rod', 'bar'), ('crank', 'A'), ('rod', 'A')]
     """
-    present = [bar for bar in BARS if any(bar in bodies for bodies in joined.values())]
+    present = [bar for bar in OUTLINES if any(bar in bodies for bodies in joined.values())]
     found = [
         Meeting(one, other)
         for one, other in combinations(present, 2)

@@ -21,7 +21,8 @@ OUTLINES = {**SIX_BAR.outlines, **COUPLED.outlines}
 """Pins at the corners of every moving link of any kind of linkage; driver and coupler are those of
 the motor's parallelogram, without which there is no K. H is paper B's G'."""
 
-BARS = tuple(OUTLINES)
+BARS = tuple(SIX_BAR.outlines)
+"""Moving links of a six-bar."""
 
 WALLS = SIX_BAR.walls
 """The phalanges of a six-bar finger, by their side walls, and the pins in these."""

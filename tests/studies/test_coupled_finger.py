@@ -13,6 +13,7 @@ from scipy.optimize import differential_evolution
 
 from designopt import UserError
 from kinematics.solve.poses import solve_poses
+from studies.finger.designing import degrees_of_freedom
 from studies.models.body import BodySpec
 from studies.models.finger import Body, Finger, FingerMotor, coupling_pins_of
 from studies.models.finger_file import format_finger, packaged_finger, parse_finger
@@ -25,7 +26,9 @@ from studies.models.linkage_design.coupling.searching import pip_angles, search_
 from studies.models.linkage_design.postures import find_postures
 from studies.models.linkage_design.spec import FingerLinkageSpec
 from studies.models.links import LinksTable
+from studies.models.manufacture.parts import make_assembly
 from studies.models.pins import CouplingPins
+from studies.models.spec_files import linkage_file
 
 PINS = CouplingPins(np.array([7.93, -2.13]), np.array([25.16, -6.3]))
 """Near the best ones of `BODY`."""
@@ -174,6 +177,19 @@ def test_file_of_another_kind_is_refused():
         find_coupled_postures(packaged_finger(), jnp.zeros(1))
 
 
+def test_linkage_file_is_solved_with_one_input():
+    text = str(linkage_file(coupled()).content)
+    assert "--sweep dip" not in text
+    assert [*tomllib.loads(text)["inputs"]] == ["pip"]
+    assert degrees_of_freedom(coupled()) == 1
+    assert degrees_of_freedom(packaged_finger()) == 2
+
+
+def test_parts_are_refused():
+    with pytest.raises(UserError, match="derived for the six-bar linkage alone"):
+        make_assembly(coupled())
+
+
 def test_layers_follow_the_kind():
     assert "coupling" in LAYERS[2]
     with pytest.raises(ValueError, match=r"links\.layers are of a six-bar linkage"):
@@ -237,6 +253,7 @@ def plain_design(spec, place):
     return math.degrees(math.asin(min(1.0, float(np.min(sine))))), missing
 
 
+@pytest.mark.nightly
 def test_no_clearly_better_design_is_found_by_evolution(designed):
     spec, found = designed
     pins = coupling_pins_of(found.finger)

@@ -55,9 +55,16 @@ def design_linkage(
         seed: of the search's starts and of the tolerance study's draws.
         near: see `searching.search`.
     """
+    return judged_design(spec, search_linkage(spec, seed, near), seed)
+
+
+def search_linkage(
+    spec: FingerLinkageSpec, seed: int, near: Sequence[Meeting] | None = None
+) -> Search:
+    """The best linkage of the kind that a spec asks for; arguments as of `design_linkage`."""
     if spec.kind == COUPLED.name:
-        return judged_design(spec, search_coupling(spec, seed), seed)
-    return judged_design(spec, search(spec, seed, near), seed)
+        return search_coupling(spec, seed)
+    return search(spec, seed, near)
 
 
 def design_nearby(spec: FingerLinkageSpec, found: Search, seed: int) -> LinkageDesign:

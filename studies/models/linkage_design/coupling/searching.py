@@ -16,7 +16,6 @@ from studies.models.linkage_design.coupling.problem import coupling_problem
 from studies.models.linkage_design.judging import STEP_DEG
 from studies.models.linkage_design.problem import ANGLE, grids
 from studies.models.linkage_design.searching import (
-    NEARLY,
     Round,
     Search,
     blank_finger,
@@ -48,16 +47,8 @@ def search_coupling(spec: FingerLinkageSpec, seed: int) -> Search:
     problem = coupling_problem(finger, spec.limits, pip, allowance, motor=spec.motor)
     starts = select_starts(problem, how.starts, seed, among=how.among, scale=ANGLE)
     begin = make_epigraph_starts(problem, starts.parameters)
-    first = minimizer(problem, how.starts, "bfgs").solve(begin, exact(problem))
-    rounds = [Round(problem, first)]
-    ranked = sorted(first.found, key=lambda one: (one.violation > NEARLY, one.objective))
-    if ranked[0].violation <= NEARLY:
-        best = ranked[: how.finalists]
-        designs = jax.tree.map(lambda *parts: jnp.stack(parts), *(one.parameters for one in best))
-        begin = make_epigraph_starts(problem, designs.design)
-        again = minimizer(problem, len(best), "slsqp").solve(begin, exact(problem))
-        if again.best.violation <= NEARLY:
-            rounds.append(Round(problem, again))
+    solved = minimizer(problem, how.starts, "slsqp").solve(begin, exact(problem))
+    rounds = [Round(problem, solved)]
     found = rounded(rounds[-1].optima.best.parameters.design, how.rounding)
     placed = replace(finger, pins=jax.tree.map(jnp.asarray, found))
     pins = rounded(coupling_pins_of(with_motor_arm(placed, spec.motor.arm)), how.rounding)
