@@ -180,7 +180,7 @@ def test_file_of_another_kind_is_refused():
 def test_linkage_file_is_solved_with_one_input():
     text = str(linkage_file(coupled()).content)
     assert "--sweep dip" not in text
-    assert [*tomllib.loads(text)["inputs"]] == ["pip"]
+    assert [one["name"] for one in tomllib.loads(text)["inputs"]] == ["pip"]
     assert degrees_of_freedom(coupled()) == 1
     assert degrees_of_freedom(packaged_finger()) == 2
 
