@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from designopt.cli.studies import ConfigFiles, run_study
+from designopt.cli.studies import ConfigFiles, Force, Seed, Settings, run_study
 from designopt.compilation_cache import NoCache
 from designopt.errors import UserError
 
@@ -21,17 +21,14 @@ def front(
         str,
         typer.Option(metavar="A,B", help="What is traded; 'designopt list STUDY-front' has which."),
     ],
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Change a setting; may be repeated."),
-    ] = None,
+    settings: Settings = None,
     config: ConfigFiles = None,
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Result folder.", show_default="out/STUDY-front"),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 0,
-    force: Annotated[bool, typer.Option("--force", help="Replace an earlier result.")] = False,
+    seed: Seed = 0,
+    force: Force = False,
     no_cache: NoCache = False,
 ) -> int:
     """Design along a trade-off: each point is a design with its file.

@@ -27,6 +27,13 @@ class Dtype(StrEnum):
     float32 = "float32"
 
 
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change a setting; may be repeated."),
+]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of every random draw.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result.")]
+
 ConfigFiles = Annotated[
     list[Path] | None,
     typer.Option(
@@ -67,17 +74,14 @@ def list_studies(
 
 def run_study(
     study: Annotated[str, typer.Argument(metavar="STUDY", help="Its name; see 'designopt list'.")],
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Change a setting; may be repeated."),
-    ] = None,
+    settings: Settings = None,
     config: ConfigFiles = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Result folder.", show_default="out/STUDY")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of every random draw.")] = 0,
+    seed: Seed = 0,
     dtype: Annotated[Dtype, typer.Option(help="Float type to compute in.")] = Dtype.float64,
-    force: Annotated[bool, typer.Option("--force", help="Replace an earlier result.")] = False,
+    force: Force = False,
     no_cache: NoCache = False,
 ) -> int:
     """Run a study into a folder of results.

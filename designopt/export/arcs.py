@@ -47,8 +47,9 @@ def arc_line(
         chord: the farthest that chords may lie from the arcs, mm.
 
     Example:
-        >>> [place for place in arc_line([(1.0, 0.0), (-1.0, 0.0)], [1.0], closed=False, chord=0.5)]
-        [(1.0, 0.0), (6.123233995736766e-17, 1.0), (-1.0, 0.0)]
+        >>> line = arc_line([(1.0, 0.0), (-1.0, 0.0)], [1.0], closed=False, chord=0.5)
+        >>> [(round(x, 9), round(y, 9)) for x, y in line]
+        [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)]
     """
     found: list[Place] = []
     for number, start in enumerate(places):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from designopt.export.arcs import CHORD, arc_line, segment_area
@@ -47,10 +47,11 @@ class Outline(NamedTuple):
 
 
 class Hole(NamedTuple):
-    """A round hole through a prism."""
+    """A round hole through a prism, by the name of what is in it."""
 
     center: Place
     radius: float
+    name: str = ""
 
 
 class Prism(NamedTuple):
@@ -125,12 +126,14 @@ class Assembly(NamedTuple):
         parts: solids, where they are when it is assembled.
         others: what is bought besides and has no solid.
         spans: from the middle outwards, what lies at either side of the middle plane.
+        order: in which it is put together, in words.
     """
 
     name: str
     parts: Sequence[Part]
     others: Sequence[BillRow]
     spans: Sequence[Span]
+    order: str
 
     def bill(self) -> list[BillRow]:
         """Every item once: those that parts are pieces of, with their counts, then the others."""
@@ -188,6 +191,16 @@ def hull(*discs: Disc) -> Outline:
         4
     """
     return around(*wrapped(*discs))
+
+
+def polygon(*places: Iterable[float]) -> Outline:
+    """The convex polygon around places, whatever their order.
+
+    Example:
+        >>> polygon((0, 0), (2, 1), (2, 0), (0, 1)).area
+        2.0
+    """
+    return hull(*((float(x), float(y), 0.0) for x, y in places))
 
 
 def wrapped(*discs: Disc) -> list[Disc]:

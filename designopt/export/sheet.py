@@ -66,9 +66,8 @@ def _bill_page(name: str, rows: Sequence[Sequence[object]]) -> Figure:
     figure = Figure(figsize=PAGE)
     axes = figure.add_axes((0.04, 0.04, 0.92, 0.86))
     axes.set_title(f"{name}: bill of materials")
-    _table(
-        axes, ("no.", "item", "material", "size", "pieces"), rows, (0.05, 0.28, 0.23, 0.36, 0.08)
-    )
+    heads = ("no.", "item", "material", "size", "pieces")
+    _table(axes, heads, rows, (0.05, 0.28, 0.23, 0.36, 0.08))
     return figure
 
 
@@ -86,12 +85,7 @@ def _width_page(assembly: Assembly) -> Figure:
     ]
     heads = ("layer", "what lies in it, at both sides", "from the middle", "to", "thickness")
     _table(axes, heads, rows, (0.08, 0.5, 0.16, 0.12, 0.14))
-    text = (
-        "Assemble from the middle outwards: pads, mirrors and camera into their shells; then layer "
-        "by layer, each pin through the parts it joins before the next layer covers it; the axles "
-        "and the outermost walls last."
-    )
-    figure.text(0.06, 0.03, textwrap.fill(text, 150), fontsize=8)
+    figure.text(0.06, 0.03, textwrap.fill(assembly.order, 150), fontsize=8)
     return figure
 
 
@@ -101,7 +95,7 @@ def _draw_spans(axes: Axes, spans: Sequence[Span]) -> None:
         for low, high in ((span.low, span.high), (-span.high, -span.low)):
             axes.fill_between([low, high], 0, 1, facecolor=color, edgecolor="black", alpha=0.5)
         axes.text((span.low + span.high) / 2, 1.05, f"{number}", ha="center")
-    axes.set(xlabel="across the finger, mm", ylim=(0, 1.3), yticks=[])
+    axes.set(xlabel="across, mm", ylim=(0, 1.3), yticks=[])
 
 
 def _table(

@@ -24,7 +24,6 @@ from OCP.collections import List_TopoDS_Shape
 from OCP.GC import GC_MakeArcOfCircle
 from OCP.gp import gp_Ax2, gp_Circ, gp_Dir, gp_Pnt, gp_Vec
 from OCP.IFSelect import IFSelect_RetDone
-from OCP.Interface import Interface_Static
 from OCP.Message import Message, Message_Gravity
 from OCP.Quantity import Quantity_Color, Quantity_TOC_sRGB
 from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
@@ -37,6 +36,7 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS_Shape, TopoDS_Wire
 from OCP.XCAFDoc import XCAFDoc_ColorSurf, XCAFDoc_DocumentTool
 
+from designopt.errors import UserError
 from designopt.export.arcs import arc_middle
 from designopt.export.parts import Hole, Outline, Part, Prism
 from designopt.io.files import printable
@@ -49,19 +49,25 @@ def make_solid(part: Part) -> TopoDS_Shape:
     """A part as one solid.
 
     Raises:
-        ValueError: its prisms hang together in no or in several pieces, or bound no solid.
+        UserError: its prisms hang together in no or in several pieces, or bound no solid.
     """
     shapes = [_prism(prism) for prism in part.prisms]
     shape = shapes[0]
     if len(shapes) > 1:
-        shape = _combined(BRepAlgoAPI_Fuse(), shapes[:1], shapes[1:])
+        # Faces in one plane become one, before anything is cut: afterwards it may make faults.
+        merged = ShapeUpgrade_UnifySameDomain(
+            _combined(BRepAlgoAPI_Fuse(), shapes[:1], shapes[1:]), True, True, True
+        )
+        merged.Build()
+        shape = merged.Shape()
     if part.cuts:
         shape = _combined(BRepAlgoAPI_Cut(), [shape], [_prism(prism) for prism in part.cuts])
-    whole = ShapeUpgrade_UnifySameDomain(shape, True, True, True)
-    whole.Build()
-    solids = solids_in(whole.Shape())
+    solids = solids_in(shape)
     if len(solids) != 1 or not BRepCheck_Analyzer(solids[0]).IsValid():
-        raise ValueError(f"{part.name}: {len(solids)} solids in place of one, or one with faults")
+        raise UserError(
+            f"{part.name}: its prisms make {len(solids)} solids in place of one without faults; "
+            "move its pins or make its walls thicker"
+        )
     return solids[0]
 
 
@@ -103,7 +109,6 @@ def step_text(name: str, parts: Sequence[Part]) -> str:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "whole.step"
         writer = STEPCAFControl_Writer()
-        Interface_Static.SetIVal_s("write.step.assembly", 1)
         writer.Transfer(document)
         if writer.Write(str(path)) != IFSelect_RetDone:
             raise ValueError(f"{name}: the kernel wrote no STEP file")

@@ -22,6 +22,7 @@ UNITS = {
     "mm_per_deg": "mm/°",
     "mm_per_px": "mm/px",
     "n_mm": "N mm",
+    "mm3": "mm³",
     "mm2": "mm²",
     "mm": "mm",
     "cm": "cm",
@@ -31,6 +32,7 @@ UNITS = {
     "percent": "%",
     "us": "µs",
     "ms": "ms",
+    "kB": "kB",
     "s": "s",
     "n": "N",
 }

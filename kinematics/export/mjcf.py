@@ -27,8 +27,8 @@ from kinematics.export.mjcf_bodies import (
     Bodies,
     Coordinates,
     Disc,
-    Eye,
     Pad,
+    PinholeCamera,
     Reading,
     Volume,
     add,
@@ -106,7 +106,7 @@ def linkage_mjcf(
     pads: Sequence[Pad] = (),
     discs: Sequence[Disc] = (),
     volumes: Sequence[Volume] = (),
-    eyes: Sequence[Eye] = (),
+    cameras: Sequence[PinholeCamera] = (),
     angles: Mapping[str, Pair] | None = None,
 ) -> str:
     """The text of a MuJoCo model of a linkage, in SI units.
@@ -126,7 +126,7 @@ def linkage_mjcf(
         discs: objects for them to touch.
         volumes: what bodies take up. Those of bodies that share a joint do not touch each other;
             ``<contact>`` lists these pairs.
-        eyes: cameras.
+        cameras: on any bodies.
         angles: sensors by name: the angle of the second body relative to the first, rad, 0 in the
             assembled sketch. The motors have sensors, too, of their places and forces.
 
@@ -148,7 +148,7 @@ def linkage_mjcf(
     root.append(Comment(UNITS))
     _settings(root, scale, size)
     bodies = Bodies(linkage, coordinates, parts)
-    bodies.write(add(root, "worldbody"), pads, discs, volumes, eyes)
+    bodies.write(add(root, "worldbody"), pads, discs, volumes, cameras)
     if volumes:
         contact = add(root, "contact")
         for first, second in _joined_bodies(linkage, [volume.body for volume in volumes]):

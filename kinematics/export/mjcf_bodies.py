@@ -189,7 +189,7 @@ class Volume:
 
 
 @dataclass(frozen=True)
-class Eye:
+class PinholeCamera:
     """A pinhole camera on a body, with a square picture.
 
     Attributes:
@@ -261,7 +261,7 @@ class Bodies:
         pads: Sequence[Pad],
         discs: Sequence[Disc],
         volumes: Sequence[Volume],
-        eyes: Sequence[Eye],
+        cameras: Sequence[PinholeCamera],
     ) -> None:
         """Write everything.
 
@@ -270,7 +270,7 @@ class Bodies:
             pads: of any bodies.
             discs: objects.
             volumes: of any bodies.
-            eyes: on any bodies.
+            cameras: on any bodies.
         """
         tree, at = self._coordinates.tree, self._coordinates.tree.joints
         blocks = [block_of(self._structure, i) for i in range(len(tree.directions))]
@@ -316,9 +316,9 @@ class Bodies:
                 elements[volume.body] = add(world, "body", name=volume.body)
             own = volume.body if node == WORLD else node
             self._volume(elements[own], volume, origins[node])
-        for eye in eyes:
-            node = self._structure.node(eye.body)
-            self._eye(elements[node], eye, origins[node])
+        for camera in cameras:
+            node = self._structure.node(camera.body)
+            self._camera(elements[node], camera, origins[node])
 
     def _rods(self, element: Element, body: str, origin: np.ndarray) -> None:
         for start, end in self._parts[body]:
@@ -362,17 +362,17 @@ class Bodies:
         add(element, "site", **box)
         add(element, "geom", **box, contype=1)  # touches what has conaffinity=1
 
-    def _eye(self, element: Element, eye: Eye, origin: np.ndarray) -> None:
-        cosine, sine = math.cos(eye.direction), math.sin(eye.direction)
+    def _camera(self, element: Element, camera: PinholeCamera, origin: np.ndarray) -> None:
+        cosine, sine = math.cos(camera.direction), math.sin(camera.direction)
         add(
             element,
             "camera",
-            name=eye.name,
-            pos=place(np.array(eye.position) - origin),
+            name=camera.name,
+            pos=place(np.array(camera.position) - origin),
             # It looks along −z of its own; its x lies in the plane, to the left of its axis.
             xyaxes=numbers(-sine, cosine, 0, 0, 0, -1),
-            fovy=math.degrees(eye.field_of_view),  # whatever the unit of other angles
-            resolution=f"{eye.pixels} {eye.pixels}",
+            fovy=math.degrees(camera.field_of_view),  # whatever the unit of other angles
+            resolution=f"{camera.pixels} {camera.pixels}",
         )
 
     def _volume(self, element: Element, volume: Volume, origin: np.ndarray) -> None:

@@ -57,7 +57,7 @@ def make_scene_drawing(design: DesignedScene, *, pose: bool = True) -> Drawing:
     Mirrors, pads, blockers, the pads' layers with their bezels, hinges, the camera with its optical
     axis and the edges of its field of view have layers of their own. Dimensions are the lengths of
     mirrors and pads and how far a mirror's ends are from the hinge of its frame, or, if it does not
-    move, from the camera; to one far away they are left out.
+    move, from the camera (to one far away they are left out) or from a hinge, if that moves.
 
     Args:
         design: the scene.
@@ -285,7 +285,12 @@ def _middle(places: Sequence[Place]) -> Place:
 def _base(design: DesignedScene, frame: str) -> Place:
     """From where a mirror that moves with a frame is measured."""
     file = design.file
-    return file.camera.position if frame == FIXED else file.frames[frame].hinge
+    if frame != FIXED:
+        return file.frames[frame].hinge
+    if file.camera.body == FIXED:
+        return file.camera.position
+    # The camera moves: a hinge of what does not move is near.
+    return next(one.hinge for one in file.frames.values() if one.parent == FIXED)
 
 
 def _extent(design: DesignedScene) -> tuple[float, bool]:

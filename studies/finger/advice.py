@@ -105,7 +105,7 @@ class Advice(NamedTuple):
 def advise(spec: FingerSpec, designer: Designer) -> list[Advice]:
     """For every lever that helps, its smallest change with which a run meets every requirement.
 
-    A mirror more is tried on each phalanx, too.
+    A mirror more is tried on each phalanx besides the camera's, too.
 
     Args:
         spec: settings whose requirements are not all met.
@@ -123,7 +123,9 @@ def advise(spec: FingerSpec, designer: Designer) -> list[Advice]:
             needed, middle = (_value(spec, lever, part) for part in (steps, steps / 2))
             found.append(Advice(name, units[name], now, needed, middle, fails))
     now = value_of(spec, MIRRORS)
-    for needed in ([*now, phalanx] for phalanx in ("distal", "proximal")):
+    host = spec.mirrors.camera.phalanx
+    phalanges = [one for one in ("distal", "proximal", "intermediate") if one != host]
+    for needed in ([*now, phalanx] for phalanx in phalanges):
         other = with_value(spec, MIRRORS, needed)
         if other is not None and _met(other, designer):
             fails = "; ".join(designer.missed(spec))

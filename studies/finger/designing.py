@@ -17,7 +17,7 @@ from kinematics.io.sketch import parse_sketch
 from kinematics.io.sketch_geometry import measure_sketch
 from studies.finger import FingerSpec
 from studies.models.checks import Check
-from studies.models.finger import PHALANGES, Finger
+from studies.models.finger import PHALANGES, Finger, camera_of
 from studies.models.grasp.analysis import Analysis, GraspCheck, analyze, summary
 from studies.models.grasp.spec import GraspSpec
 from studies.models.linkage_design.analysis import LinkageDesign, design_linkage, design_nearby
@@ -50,6 +50,10 @@ OPTICAL = {
     MEMBRANE: "membranes together",
 }
 """Requirements on the optics that have lines of their own, and what these are called."""
+
+
+DEMANDS = ("floor", "least_yield", "least_membrane")
+"""Settings of the mirrors that ask for something and are no part of a finger."""
 
 
 class FingerDesign(NamedTuple):
@@ -196,11 +200,13 @@ class Designer:
     ) -> tuple[MirrorDesign, Yield]:
         """Camera and mirrors searched from those for other settings, without a linkage.
 
-        They are these if, in the same body, they meet everything as they are.
+        They are these where no more than `DEMANDS` differ, if they meet them as they are.
         """
         if _optics(spec) == _optics(start):
             return known
-        if spec.body == start.body and not missed_by_mirrors(spec, *known):
+        demands = {name: getattr(spec.mirrors, name) for name in DEMANDS}
+        same = start.model_copy(update={"mirrors": start.mirrors.model_copy(update=demands)})
+        if _optics(spec) == _optics(same) and not missed_by_mirrors(spec, *known):
             return known
         return self._searched(spec, [known[0].trials[known[0].chosen].placement])
 
@@ -276,7 +282,8 @@ def requirements(spec: FingerSpec, found: FingerDesign) -> Records:
     asked, crank = kind.freedoms, "crank" if "crank" in kind.outlines else f"{kind.crank} phalanx"
     line("degrees of freedom", "Geometry", str(asked), str(freedoms), freedoms == asked)
     line("motors", "Hardware", "1", f"1, at the {crank} (by construction)", True)
-    line("cameras", "Hardware", "1", "1, in the intermediate phalanx (by construction)", True)
+    host = camera_of(found.finger).phalanx
+    line("cameras", "Hardware", "1", f"1, in the {host} phalanx (by construction)", True)
     parts = f"at least {percent_at_least(seen)} of each in every posture"
     asked = "all, in every posture"
     line("sensing segments visible", "Tactile sensing", asked, parts, seen == 1.0)

@@ -29,6 +29,7 @@ from studies.finger.bench import FingerBench
 from studies.finger.designing import Designer, FingerDesign, requirements
 from studies.finger.kind import FINGER
 from studies.models.finger import (
+    AXES,
     PHALANGES,
     Finger,
     FingerSpring,
@@ -132,23 +133,20 @@ def spring_from(spec: SpringSpec) -> FingerSpring:
 
 def dimensions(finger: Finger) -> Records:
     """Phalanges, camera, mirrors and spring; the pins have their own table."""
-    body, scene = finger.body, finger.scene()
-    x, y = scene.camera.position
-    tilt = math.degrees(camera_of(finger).tilt)
-    camera = "camera, from A in the intermediate phalanx"
+    body, camera = finger.body, camera_of(finger)
+    dorsal, tilt = float(body.dorsal), math.degrees(camera.tilt)
+    own = f"camera, from {AXES[camera.phalanx]} in the {camera.phalanx} phalanx"
     rows = [
         *((f"{name} phalanx", "length", getattr(body, name), "mm") for name in PHALANGES),
         ("all phalanges", "thickness", body.thickness, "mm"),
         ("all phalanges", "palmar face to axes", body.axis_height, "mm"),
-        (camera, "x", x, "mm"),
-        (camera, "y", y, "mm"),
-        (camera, "optical axis from straight down, counter-clockwise", tilt, "°"),
+        (own, "x", camera.along, "mm"),
+        (own, "y", dorsal - camera.depth, "mm"),
+        (own, "optical axis from straight down, counter-clockwise", tilt, "°"),
     ]
-    dorsal = float(body.dorsal)
     names = finger.mirror_names
     for name, mirror in zip(names, finger.mirrors, strict=True):
-        origin = "A" if mirror.phalanx == "proximal" else "B"
-        part = f"{name} mirror, from {origin} in its phalanx"
+        part = f"{name} mirror, from {AXES[mirror.phalanx]} in its phalanx"
         for end, (along, depth) in zip(("near", "far"), mirror.ends.tolist(), strict=True):
             rows += [
                 (part, f"{end} end, x", along, "mm"),

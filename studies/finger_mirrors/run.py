@@ -77,7 +77,8 @@ class JudgedMirrors(NamedTuple):
 
     Attributes:
         design: of the main body.
-        cases: the layouts; `GIVEN` only for the body that it is for, `THIN` if asked for.
+        cases: the layouts; `GIVEN` only for the body that it is for, with the camera where its own
+            is, `THIN` if asked for.
         squares: coverage over all pairs of angles, of all but `GIVEN`.
         rays: coverage by rays, of the optima.
         sensitivity: of the optimum to each error.
@@ -152,7 +153,7 @@ def find(spec: FingerMirrorsSpec, context: Context) -> JudgedMirrors:
     found = design_mirrors(finger, spec, context)
     start = poor_layout(finger, spec.camera, spec.phalanges, spec.room.mount)
     layouts = {START: start, OPTIMUM: found.finger}
-    if spec.body == BodySpec():
+    if spec.body == BodySpec() and spec.camera.phalanx == "intermediate":
         layouts[GIVEN] = reference_layout(finger, spec.camera, mount=spec.room.mount)
     if spec.thin:
         body = Body.of(spec.body.model_copy(update={"thickness": spec.thin}))
@@ -190,13 +191,14 @@ def _by_rays(case: Case, poses: int, rays: int) -> dict[str, Any]:
     share of the field of view, 14 µrad, is 3 µm of a pad 80 mm away under 20°, of 26.5 mm, at
     either end, and a hand-over between two views has two ends more.
     """
+    scene = case.finger.scene()
     pairs = [
         # Of equal shares those with the least resolution come first.
         np.lexsort((case.verdict.px_per_mm[:, pad], case.share.by_pose[:, pad]))
-        for pad in map(PHALANGES.index, ("proximal", "distal"))
+        for pad in map(PHALANGES.index, figures.moving_pads(scene))
     ]
     degrees = case.verdict.degrees[np.stack(pairs, axis=-1)[:poses]]
-    seen = judging.seen_by_rays(case.finger.scene(), degrees, rays)
+    seen = judging.seen_by_rays(scene, degrees, rays)
     joints = {"pip_deg": degrees[:, 0], "dip_deg": degrees[:, 1]}
     return {"arrangement": case.name, **joints, **dict(zip(PHALANGES, seen.T, strict=True))}
 
@@ -392,7 +394,8 @@ def add_figures(out: Report, found: JudgedMirrors) -> None:
     scenes = {case.name: (case.finger.scene(), case.verdict) for case in (before, after)}
     out.figure("resolution", figures.draw_resolution(scenes))
     shares = {one.name: one.share for key, one in found.cases.items() if key != START}
-    out.figure("yield", figures.draw_yield(shares, degrees), most=2)
+    joints = figures.moving_pads(after.finger.scene())
+    out.figure("yield", figures.draw_yield(shares, degrees, joints), most=2)
     out.figure(
         "sensitivity", figures.draw_sensitivity(found.sensitivity, names_of_errors(after.finger))
     )

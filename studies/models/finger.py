@@ -40,9 +40,15 @@ PHALANGES: tuple[Phalanx, ...] = ("proximal", "intermediate", "distal")
 
 DRIVES: tuple[Drive, Drive] = ("joints", "crank")
 
-SIDES: dict[Phalanx, int] = {"proximal": 1, "distal": -1}
+AXES: dict[Phalanx, str] = {"proximal": "A", "intermediate": "A", "distal": "B"}
+"""A phalanx's own joint axis: A is PIP's, B that of DIP. Places in the phalanx are from there."""
+
+OUTWARD: dict[Phalanx, int] = {"proximal": -1, "intermediate": 1, "distal": 1}
+"""The direction of x in which a phalanx lies from its own joint axis."""
+
+SIDES: dict[Phalanx, int] = {phalanx: -out for phalanx, out in OUTWARD.items()}
 """The reflecting side of the mirrors of a phalanx from their first end to their second: 1 is left,
--1 right. Both look at the pads."""
+-1 right. All look at the pads."""
 
 MOUNT = 1.0
 """Thickness of a mirror's glass and backing, mm: an assumption of this project."""
@@ -53,6 +59,17 @@ SETBACK = 0.5
 Number = Float[Array, "*batch"]
 Part = TypeVar("Part")
 Kind = TypeVar("Kind", Pins, CouplingPins)
+
+
+def joints_between(one: Phalanx, other: Phalanx) -> range:
+    """Indices (0: PIP, 1: DIP) of the joints that move two phalanges against each other.
+
+    Example:
+        >>> list(joints_between("distal", "proximal"))
+        [0, 1]
+    """
+    first, last = sorted(map(PHALANGES.index, (one, other)))
+    return range(first, last)
 
 
 class Body(eqx.Module):
@@ -135,6 +152,20 @@ class Body(eqx.Module):
         whole = self.proximal + self.intermediate + self.distal
         return whole - 2 * (pip + dip + self.rim)
 
+    def axis(self, phalanx: Phalanx) -> Number:
+        """Place of a phalanx's own joint axis along the straight finger, mm."""
+        middle = self.intermediate
+        return middle if phalanx == "distal" else jnp.zeros_like(middle)
+
+    def place(self, phalanx: Phalanx, at: Float[Array, "*places 2"]) -> Float[Array, "*places 2"]:
+        """Where places of a phalanx, each (along, depth), are in the straight finger, mm.
+
+        Args:
+            phalanx: from whose own joint axis ``along`` is measured, towards the tip.
+            at: ``depth`` is below the dorsal face.
+        """
+        return jnp.stack([at[..., 0] + self.axis(phalanx), self.dorsal - at[..., 1]], axis=-1)
+
     @property
     def palmar(self) -> Number:
         """Height of the palmar face over the axes, mm (negative)."""
@@ -190,10 +221,11 @@ class FingerMotor(eqx.Module):
 
 
 class FingerCamera(eqx.Module):
-    """The camera in the intermediate phalanx; its lens is equidistant.
+    """The camera in one of the phalanges, by default the intermediate one.
 
     Attributes:
-        along: of the pinhole from the PIP axis towards the tip, mm.
+        along: of the pinhole from the phalanx's own joint axis towards the tip, mm: negative in the
+            proximal phalanx.
         depth: of the pinhole below the dorsal face, mm.
         tilt: of the optical axis, rad: 0 looks straight at the palmar face, positive is
             counter-clockwise, towards the tip.
@@ -207,6 +239,7 @@ class FingerCamera(eqx.Module):
         lens: for questions of focus; ``None`` for a camera that is sharp everywhere.
         module: its body as it is sold, instead of ``width`` and ``back``; ``None`` if not known.
         max_blur: largest blur spot that is accepted, pixels.
+        phalanx: that carries it.
     """
 
     along: Number = eqx.field(converter=as_float)
@@ -222,13 +255,15 @@ class FingerCamera(eqx.Module):
     lens: ThinLens | None = None
     module: CameraModule | None = None
     max_blur: Number | None = eqx.field(default=None, converter=optional_float)
+    phalanx: Phalanx = eqx.field(default="intermediate", static=True)
 
     @classmethod
     def of(cls, lens: Any, along: Any, depth: Any, tilt_deg: float) -> FingerCamera:
-        """One at a place; its lens from ``[camera]`` of a file or from settings, in degrees.
+        """One at a place; all else from ``[camera]`` of a file or from settings, in degrees.
 
         Args:
-            lens: has ``optics``, a `Camera` anywhere, ``width``, ``back`` and ``min_grazing_deg``.
+            lens: has ``optics``, a `Camera` anywhere, ``width``, ``back``, ``min_grazing_deg`` and
+                ``phalanx``.
             along: see the attributes.
             depth: likewise.
             tilt_deg: likewise.
@@ -248,16 +283,17 @@ class FingerCamera(eqx.Module):
             sold.lens,
             sold.module,
             sold.max_blur,
+            lens.phalanx,
         )
 
-    def at(self, dorsal: Number) -> Camera:
-        """The camera of a scene, in the intermediate phalanx.
+    def at(self, body: Body) -> Camera:
+        """The camera of a scene, in the straight finger.
 
         Args:
-            dorsal: height of the dorsal face over the axes, mm.
+            body: that it is in.
         """
         return Camera(
-            position=jnp.stack([self.along, dorsal - self.depth]),
+            position=body.place(self.phalanx, jnp.stack([self.along, self.depth])),
             direction=self.tilt - jnp.pi / 2,
             field_of_view=self.field_of_view,
             pixels=self.pixels,
@@ -270,7 +306,7 @@ class FingerCamera(eqx.Module):
 
 
 class FingerMirror(eqx.Module):
-    """A straight mirror in the proximal or the distal phalanx; see `mirror_names`.
+    """A straight mirror in one of the phalanges; see `mirror_names`.
 
     It reflects on its palmar side; on its dorsal side is its mount, which hides nothing that the
     mirror does not hide itself.
@@ -300,7 +336,7 @@ class FingerMirror(eqx.Module):
         """
         near, far = self.ends[..., 0, :], self.ends[..., 1, :]
         step = (far - near) / self.length[..., None]
-        # Depths grow downwards; the distal mirror's ends lie towards the tip, the other's do not.
+        # Depths grow downwards.
         normal = jnp.stack([step[..., 1], -step[..., 0]], axis=-1) * -SIDES[self.phalanx]
         back = self.mount[..., None] * normal
         return jnp.stack([near, far, far + back, near + back], axis=-2)
@@ -459,7 +495,7 @@ class Finger(eqx.Module):
         return jnp.stack([_line((one, low), (other, low)) for one, other in ends])
 
     def camera_body(self) -> Float[Array, "2 2"]:
-        """Ends of the opaque line behind the camera, in the intermediate phalanx, mm.
+        """Ends of the opaque line behind the camera in the straight finger, mm.
 
         Raises:
             UserError: the finger has no camera.
@@ -467,7 +503,7 @@ class Finger(eqx.Module):
         return self._camera_lines(SETBACK)[0]
 
     def camera_corners(self) -> Float[Array, "corners 2"]:
-        """Corners of the camera's body in the intermediate phalanx, mm; see `FingerCamera`.
+        """Corners of the camera's body in the straight finger, mm; see `FingerCamera`.
 
         Raises:
             UserError: the finger has no camera.
@@ -475,7 +511,7 @@ class Finger(eqx.Module):
         camera = camera_of(self)
         if camera.module is None:
             return self._camera_lines(SETBACK, camera.back).reshape(-1, 2)
-        sold = camera.at(self.body.dorsal)
+        sold = camera.at(self.body)
         return camera.module.outline(sold.position, sold.direction).reshape(-1, 2)
 
     def camera_boxes(self) -> Float[Array, "boxes 4 2"]:
@@ -488,7 +524,7 @@ class Finger(eqx.Module):
         if camera.module is None:
             front, back = self._camera_lines(SETBACK, camera.back)
             return jnp.concatenate([front, back[::-1]])[None]
-        sold = camera.at(self.body.dorsal)
+        sold = camera.at(self.body)
         lines = camera.module.outline(sold.position, sold.direction)
         sides = jnp.stack([lines[:2], lines[3:5]])
         return jnp.concatenate([sides[:, 0], sides[:, 1, ::-1]], axis=1)
@@ -496,7 +532,7 @@ class Finger(eqx.Module):
     def _camera_lines(self, *behind: Number | float) -> Float[Array, "lines 2 2"]:
         """Lines across the camera's body so far behind the pinhole, mm."""
         camera = camera_of(self)
-        position = jnp.stack([camera.along, self.body.dorsal - camera.depth])
+        position = camera.at(self.body).position
         sine, cosine = jnp.sin(camera.tilt), jnp.cos(camera.tilt)
         ahead, across = jnp.stack([sine, -cosine]), jnp.stack([cosine, sine])
         half = camera.width / 2 * across
@@ -516,12 +552,6 @@ class Finger(eqx.Module):
         body, camera = self.body, camera_of(self)
         middle, palmar, dorsal = body.intermediate, body.palmar, body.dorsal
         tip, root = middle + body.distal, -body.proximal
-        axis_of = {"proximal": jnp.zeros_like(middle), "distal": middle}
-
-        def mirror(part: FingerMirror) -> Float[Array, "2 2"]:
-            along, depth = part.ends[..., 0], part.ends[..., 1]
-            return jnp.stack([along + axis_of[part.phalanx], dorsal - depth], axis=-1)
-
         zero = jnp.zeros_like(middle)
         blockers = [
             *([self.camera_body()] if camera.module is None else []),
@@ -532,12 +562,12 @@ class Finger(eqx.Module):
             _line((tip, palmar), (tip, dorsal)),
         ]
         none = jnp.zeros((0,), zero.dtype)
-        mirrors = [mirror(part) for part in self.mirrors]
+        mirrors = [body.place(part.phalanx, part.ends) for part in self.mirrors]
         layers, kinds = self.layers, ()
         if layers is not None:
             kinds = layers.kinds(len(PHALANGES))
         return Scene(
-            camera=camera.at(dorsal),
+            camera=camera.at(body),
             mirrors=jnp.stack(mirrors) if mirrors else jnp.zeros((0, 2, 2), zero.dtype),
             radii=none,
             conics=none,
@@ -549,6 +579,7 @@ class Finger(eqx.Module):
                 self.name,
                 tuple(part.phalanx for part in self.mirrors),
                 kinds,
+                camera.phalanx,
                 sold=camera.module is not None,
             ),
             layers=None if layers is None else layers.on_pads(self.body.room),
@@ -676,13 +707,14 @@ def _layout(
     name: str,
     phalanges: tuple[Phalanx, ...],
     layers: tuple[tuple[LayerKinds, ...], ...],
+    camera: Phalanx,
     *,
     sold: bool,
 ) -> Layout:
     proximal, distal = 0, 1
     frame_of = {"proximal": proximal, "intermediate": WORLD, "distal": distal}
     hosts: dict[str, Phalanx] = {
-        "camera body": "intermediate",
+        "camera body": camera,
         "proximal shell": "proximal",
         "intermediate shell": "intermediate",
         "distal shell": "distal",
@@ -702,9 +734,9 @@ def _layout(
         blockers=tuple(Surface(one, 0, frame_of[host]) for one, host in hosts.items()),
         frames=(Frame("proximal", WORLD, 0, 1), Frame("distal", WORLD, 1, -1)),
         angles=("pip", "dip"),
-        camera_frame=WORLD,
+        camera_frame=frame_of[camera],
         bounces=1,
         layers=layers,
         bezels=(False,) * len(layers),
-        module=(Surface(NAME, 0, WORLD),) * (LINES if sold else 0),
+        module=(Surface(NAME, 0, frame_of[camera]),) * (LINES if sold else 0),
     )

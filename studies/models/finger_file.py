@@ -40,6 +40,7 @@ from studies.models.finger import (
     FingerMirror,
     FingerMotor,
     FingerSpring,
+    Phalanx,
 )
 from studies.models.link_layers import Links
 from studies.models.linkage_kinds import COUPLED, SIX_BAR, KindName
@@ -104,6 +105,7 @@ class CameraTable(LensTable):
 
     position: Point = (0.0, 0.0)
     direction_deg: Number = 0.0
+    phalanx: Phalanx = "intermediate"
     along: Number
     depth: Number
     tilt_deg: Angle
@@ -157,7 +159,7 @@ class PadsTable(Spec):
 class MirrorTable(Spec):
     """``[[mirrors]]``; see `FingerMirror`."""
 
-    phalanx: Literal["proximal", "distal"]
+    phalanx: Phalanx
     start: Point = Field(alias="from")
     end: Point = Field(alias="to")
     mount: Annotated[Number, Field(ge=0)] = MOUNT
@@ -309,7 +311,7 @@ def finger_tables(finger: Finger) -> dict[str, Any]:
         motor = finger.motor
         tables["motor"] = {one.name: float(getattr(motor, one.name)) for one in fields(motor)}
     if finger.camera is not None:
-        tables["camera"] = _camera(finger.camera)
+        tables["camera"] = _camera(finger.camera, finger.body)
     if finger.layers is not None:
         tables["pads"] = _pads(finger.layers)
     if finger.mirrors:
@@ -333,17 +335,18 @@ def _body(body: Body) -> dict[str, Any]:
     return table | {name: value for name, value in more.items() if value}
 
 
-def _camera(camera: FingerCamera) -> dict[str, Any]:
-    """``[camera]``; of the lens no key that it has by default."""
-    optics = camera_table(camera.at(camera.depth))
+def _camera(camera: FingerCamera, body: Body) -> dict[str, Any]:
+    """``[camera]``; of the lens no key that it has by default, and so of the phalanx."""
+    optics = camera_table(camera.at(body))
     bare = {key: value for key, value in optics.items() if key not in FOREIGN}
     if bare["projection"] == "equidistant" and camera.sensor is None:
         del bare["projection"]
+    host = {} if camera.phalanx == "intermediate" else {"phalanx": camera.phalanx}
     places = {"along": float(camera.along), "depth": float(camera.depth)}
     own = {"tilt_deg": degrees_of(float(camera.tilt))}
-    body = {"width": float(camera.width), "back": float(camera.back)}
+    box = {"width": float(camera.width), "back": float(camera.back)}
     grazing = {"min_grazing_deg": degrees_of(float(camera.grazing))}
-    return places | own | bare | body | grazing
+    return host | places | own | bare | box | grazing
 
 
 def _pads(layers: PadLayers) -> dict[str, Any]:

@@ -240,12 +240,14 @@ def middle_parts(tables: dict[str, Any]) -> dict[str, tuple[str, Pieces]]:
     dorsal = body["thickness"] - body["axis_height"]
     parts: dict[str, tuple[str, Pieces]] = {}
     if "camera" in tables:
-        parts["camera"] = "intermediate", camera_pieces(tables["camera"], dorsal)
+        host = tables["camera"].get("phalanx", "intermediate")
+        parts["camera"] = host, camera_pieces(tables["camera"], dorsal)
     mirrors: dict[str, tuple[str, Pieces]] = {}
     for mirror in tables.get("mirrors", ()):
         start, end = (complex(x, dorsal - depth) for x, depth in (mirror["from"], mirror["to"]))
-        # The proximal mirror reflects on its left, the distal one on its right: to the pads.
-        behind = {"proximal": -1j, "distal": 1j}[mirror["phalanx"]] * (end - start)
+        # A proximal mirror reflects on its left, others on their right: to the pads.
+        behind = {"proximal": -1j, "intermediate": 1j, "distal": 1j}[mirror["phalanx"]]
+        behind *= end - start
         mount = mirror.get("mount", MOUNT) * behind / abs(behind)
         corners = [start, end, end + mount, start + mount]
         number = sum(phalanx == mirror["phalanx"] for phalanx, _ in mirrors.values()) + 1

@@ -49,7 +49,7 @@ def scene_of_finger(path: str | Path) -> dict[str, Any]:
     middle, palmar = body["intermediate"], -body["axis_height"]
     dorsal = palmar + body["thickness"]
     rear, tip = -body["proximal"], middle + body["distal"]
-    joint = {"proximal": 0.0, "distal": middle}
+    joint = {"proximal": 0.0, "intermediate": 0.0, "distal": middle}
 
     def part(name: str, phalanx: str, start: complex, end: complex, **more: Any) -> dict[str, Any]:
         ends = {"from": [start.real, start.imag], "to": [end.real, end.imag]}
@@ -71,10 +71,11 @@ def scene_of_finger(path: str | Path) -> dict[str, Any]:
         "distal end": (tip + 1j * palmar, tip + 1j * dorsal),
     }
     blockers = [part(name, name.split()[0], *ends) for name, ends in walls.items()]
-    eye = complex(camera["along"], dorsal - camera["depth"])
+    carrier = camera.get("phalanx", "intermediate")
+    eye = complex(joint[carrier] + camera["along"], dorsal - camera["depth"])
     axis = cmath.rect(1, math.radians(camera["tilt_deg"] - 90))
     for start, end in _camera_body(camera):
-        blockers.append(part("camera", "intermediate", eye + axis * start, eye + axis * end))
+        blockers.append(part("camera", carrier, eye + axis * start, eye + axis * end))
     pads = []
     for name, start, end, layers in _pads(body, file.get("pads", {}), rear, tip):
         limits = {"side": "left", "min_grazing_deg": camera["min_grazing_deg"]}
@@ -85,6 +86,7 @@ def scene_of_finger(path: str | Path) -> dict[str, Any]:
             "position": [eye.real, eye.imag],
             "direction_deg": camera["tilt_deg"] - 90,
             "fov_deg": field_of_view(camera),
+            "body": carrier.replace("intermediate", "world"),
         },
         "mirrors": mirrors,
         "pads": pads,

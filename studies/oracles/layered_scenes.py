@@ -48,16 +48,19 @@ def posed_tables(tables: Tables, degrees: Mapping[str, float]) -> Tables:
         degrees: its joint angles by name.
     """
     posed = copy.deepcopy(tables)
-    for part in [*posed["mirrors"], *posed["pads"], *posed["blockers"]]:
+    surfaces = [*posed.get("mirrors", []), *posed["pads"], *posed["blockers"]]
+    for part in [posed["camera"], *surfaces]:
         frame = posed["frames"].get(part.pop("body", None))
         if frame is None:
             continue
-        sign = 1 if frame["positive"] == "counterclockwise" else -1
-        hinge = complex(*frame["hinge"])
-        turn = cmath.rect(1.0, sign * math.radians(degrees[frame["angle"]]))
-        for end in ("from", "to"):
-            place = hinge + turn * (complex(*part[end]) - hinge)
-            part[end] = [place.real, place.imag]
+        sign = -1 if frame.get("positive") == "clockwise" else 1
+        hinge, angle = complex(*frame["hinge"]), sign * degrees[frame["angle"]]
+        turn = cmath.rect(1.0, math.radians(angle))
+        for key in {"position", "from", "to"} & part.keys():
+            place = hinge + turn * (complex(*part[key]) - hinge)
+            part[key] = [place.real, place.imag]
+        if "direction_deg" in part:
+            part["direction_deg"] += angle
     del posed["frames"]
     return posed
 

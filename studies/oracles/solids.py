@@ -41,7 +41,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Shape
 from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
 
-from studies.oracles.clearances import CARRIERS, joint_ranges, pin_places
+from studies.oracles.clearances import BARS, CARRIERS, joint_ranges, pin_places
 
 BESIDE = 0.04
 """What lies farther beside another part than this across the finger, mm, never meets it."""
@@ -52,16 +52,6 @@ FAR = 3.0
 
 TOUCH = 1e-6
 """Solids no farther apart touch, mm."""
-
-BARS = {
-    "crank": ("F", "E"),
-    "rod": ("E", "D"),
-    "plate": ("C", "D"),
-    "bar": ("G", "G'"),
-    "driver": ("M", "N"),
-    "coupler": ("N", "K"),
-}
-"""Two pins of every bar, whose places have its motion."""
 
 Motion = tuple[complex, complex]
 """p ↦ a p + b from the straight finger to a posture, in the proximal phalanx's frame."""
@@ -134,7 +124,7 @@ def bodies_of(name: str) -> tuple[str, ...]:
     what = name.split(",")[0]
     if what.startswith(("pin ", "axle ")):
         return CARRIERS[what.split(" ")[1]]
-    return (what.split(" ")[0] if what != "camera" else "intermediate",)
+    return (what.split(" ")[0],)
 
 
 def motions_of(tables: Mapping[str, Any], pip: float, dip: float) -> dict[str, Motion]:
@@ -146,7 +136,7 @@ def motions_of(tables: Mapping[str, Any], pip: float, dip: float) -> dict[str, M
     knuckle = np.exp(-1j * pip)
     turns = {"proximal": 1.0 + 0j, "intermediate": knuckle, "distal": knuckle * np.exp(-1j * dip)}
     origins = {"proximal": "A", "intermediate": "A", "distal": "B"}
-    for bar, (one, other) in BARS.items():
+    for bar, (one, other, *_) in BARS.items():
         if one in straight and other in straight:
             turns[bar] = (bent[other] - bent[one]) / (straight[other] - straight[one])
             origins[bar] = one
@@ -272,7 +262,7 @@ def _slab(shape: TopoDS_Shape, low: float, high: float) -> TopoDS_Shape:
 
 def _corners(shape: TopoDS_Shape) -> np.ndarray:
     """Corners of a solid's box in the section."""
-    low, high = (corner for corner in _box(shape))
+    low, high = _box(shape)
     return np.array([complex(x, y) for x in (low.X(), high.X()) for y in (low.Y(), high.Y())])
 
 

@@ -11,6 +11,7 @@ clear end within 0.01 mm of the membrane.
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -19,7 +20,7 @@ import numpy as np
 
 from studies.oracles.finger_tables import scene_of_finger
 from studies.oracles.judge.frames import union
-from studies.oracles.judge.solids import Face, Pose, Tables
+from studies.oracles.judge.solids import Face, Pose, Tables, motion_of
 from studies.oracles.judge.tracing import Tracer
 
 RAYS = 2000
@@ -67,11 +68,12 @@ def traced_coverage(
 def _in_pose(tables: Tables, pose: Pose, solids: Sequence[Face]) -> list[float]:
     """Coverage of every pad in one pose."""
     camera = tables["camera"]
-    eye = complex(*camera["position"])
+    turn, shift = motion_of(tables, pose, camera["body"])
+    eye = turn * complex(*camera["position"]) + shift
     tracer = Tracer(tables, pose, eye, solids=solids)
     lengths = np.array([frame.length for frame in tracer.pads])
     axis, half = (math.radians(camera[key]) for key in ("direction_deg", "fov_deg"))
-    half /= 2
+    axis, half = axis + cmath.phase(turn), half / 2
 
     def trace(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Labels, coordinates on the membranes (0 to 1), and directions there."""

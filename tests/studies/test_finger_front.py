@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from contextlib import nullcontext
 from types import SimpleNamespace
 from typing import Any
@@ -76,6 +77,29 @@ def test_designs_begin_with_their_neighbours_from_the_first_outwards():
     assert [point.values["clearance"] for _, point in found if point] == asked
     # 0.5 mm is the default: it begins with itself, the others with the one next to them.
     assert dict(designer.begun) == {0.5: 0.5, 0.25: 0.5, 0.75: 0.5, 1.0: 0.75}
+
+
+@pytest.mark.parametrize(
+    ("changed", "searched"),
+    [
+        ({"mirrors": {"floor": 4.0, "least_yield": 0.9}}, False),
+        ({"mirrors": {"pads": {"thickness": [0.5, 0.5]}}}, True),
+        ({"mirrors": {"camera": {"max_blur_px": 9.0}}}, True),
+        ({"body": {"thickness": 26.0}}, True),
+    ],
+)
+def test_a_finger_with_other_parts_is_designed_though_the_one_at_hand_meets_all(
+    monkeypatch, changed, searched
+):
+    """Thinner layers would otherwise have the thicker ones' finger."""
+    start, spec, fresh = FingerSpec(), FingerSpec.model_validate(changed), object()
+    trial = SimpleNamespace(placement=None)
+    known: Any = SimpleNamespace(trials=[trial], chosen=0), SimpleNamespace(value=1.0)
+    monkeypatch.setattr("studies.finger.designing.missed_by_mirrors", lambda *_: [])
+    monkeypatch.setattr(Designer, "_searched", lambda *_: fresh)
+    from_it = inspect.unwrap(Designer.mirrors_from)  # its annotations are of real designs
+    found = from_it(Designer(CONTEXT), spec, start, known)
+    assert found is (fresh if searched else known)
 
 
 def test_settings_that_are_refused_are_no_point():

@@ -25,9 +25,6 @@ from studies.models.path_tracer import require_mitsuba
 from studies.oracles.judge.solids import Face
 from studies.oracles.traced_coverage import traced_coverage
 
-WALL = 1.2
-"""Least thickness of what is printed or cut, mm."""
-
 DIGITS = 6
 """Of thicknesses, mm: 1.2 mm between faces of the kernel are 1.2 mm but for rounding."""
 
@@ -101,7 +98,7 @@ def run(spec: FingerSolidsSpec, context: Context) -> Results:
         )
     moving = meetings.where(meetings["postures"] > 1)
     walls = [wall for wall in parts["least_wall_mm"] if wall is not None]
-    out.values(parts=len(parts), pairs=len(meetings), wall=WALL, postures=spec.steps**2)
+    out.values(parts=len(parts), pairs=len(meetings), postures=spec.steps**2)
     out.metrics(
         not_watertight=len(parts.where(watertight="no")),
         least_wall_mm=min(walls),
@@ -113,7 +110,8 @@ def run(spec: FingerSolidsSpec, context: Context) -> Results:
     )
     out.say("main")
     out.table("parts", parts)
-    out.table("nearest", meetings.where(np.arange(len(meetings)) < NEAREST))
+    listed = meetings.where((meetings["postures"] > 1) | (meetings["shared_mm3"] > SHARED))
+    out.table("nearest", listed.where(np.arange(len(listed)) < NEAREST))
     out.table("coverage", compared)
     out.figure("parts", draw_assembly(assembly))
     out.file(SpecFile("finger.step", "the solids, for any CAD program", content))

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from kinematics.export.mjcf import Stop, linkage_mjcf
-from kinematics.export.mjcf_bodies import Disc, Eye, Pad, Volume
+from kinematics.export.mjcf_bodies import Disc, Pad, PinholeCamera, Volume
 from studies.models.finger import PHALANGES, Finger, camera_of, spring_of
 from studies.models.grasp.objects import Circle
 from studies.models.linkage_design.problem import pin_places
@@ -111,14 +111,15 @@ def grasp_mjcf(finger: Finger, thing: Circle | None = None) -> str:
         ],
         discs=discs,
         volumes=finger_volumes(finger),
-        eyes=[_eye(finger)] if finger.camera is not None else [],
+        cameras=[_camera(finger)] if finger.camera is not None else [],
         angles={"pip": ("intermediate", "proximal"), "dip": ("distal", "intermediate")},
     )
 
 
-def _eye(finger: Finger) -> Eye:
+def _camera(finger: Finger) -> PinholeCamera:
     """The camera as a pinhole: a simulator's camera has no other lens, so that it sees less."""
-    sold = camera_of(finger).at(finger.body.dorsal)
+    camera = camera_of(finger)
+    sold = camera.at(finger.body)
     x, y = np.asarray(sold.position, float).tolist()
     field, pixels = min(float(sold.field_of_view), WIDEST), round(float(sold.pixels))
-    return Eye("camera", "intermediate", (x, y), float(sold.direction), field, pixels)
+    return PinholeCamera("camera", camera.phalanx, (x, y), float(sold.direction), field, pixels)

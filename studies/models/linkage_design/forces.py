@@ -67,7 +67,7 @@ def find_pinch_forces(
         >>> from studies.models import packaged_finger
         >>> found = find_pinch_forces(packaged_finger(), jnp.zeros(1), 5.0, 30.5)
         >>> round(float(found.crank_moment[0]))  # N mm
-        280
+        289
     """
     found = find_postures(finger, pip, jnp.zeros(1))
     knuckle, body, spring = rotation(-pip), finger.body, spring_of(finger)

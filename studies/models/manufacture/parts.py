@@ -6,21 +6,18 @@ import math
 
 import numpy as np
 
-from designopt.export.parts import Assembly, BillRow, Hole, Outline, Part, Span, circle, hull
-from studies.models.finger import PHALANGES, Finger, links_of
+from designopt.export.parts import Assembly, BillRow, Outline, Part, Span, circle, polygon
+from studies.models.finger import PHALANGES, Finger, camera_of, links_of
 from studies.models.links import AXLES, BARS, OUTLINES
 from studies.models.manufacture.phalanges import (
     camera_half_width,
     camera_outlines,
     make_phalanges,
-    sides,
     strip_spans,
-    through,
 )
-from studies.models.manufacture.plates import bar_outline, holes_for, mirror_glass
-from studies.models.manufacture.section import BESIDE_PADS, Section, rectangle
+from studies.models.manufacture.plates import bar_outline, mirror_glass
+from studies.models.manufacture.section import BESIDE_PADS, Section, rectangle, sides, through
 from studies.models.mirror_design.clearances import layer_outlines
-from studies.models.pins import pin_name
 
 SHEET, PIN, GLASS, LED, CAMERA = "#8A8A8A", "#4D4D4D", "#7B3FA0", "#E8C547", "#3A3A3A"
 LAYER_COLORS = ("#BFD9EA", "#E6C8D5")
@@ -30,6 +27,12 @@ NAMED = {1.49: "acrylic (PMMA)", 1.41: "silicone, clear"}
 """Materials of layers by their index."""
 
 SIDES = ("left", "right")
+
+ORDER = (
+    "Assemble from the middle outwards: pads, mirrors and camera into their shells; then layer by "
+    "layer, each pin through the parts it joins before the next layer covers it; the axles and the "
+    "outermost walls last."
+)
 
 
 def make_parts(finger: Finger) -> list[Part]:
@@ -73,13 +76,13 @@ def make_assembly(finger: Finger) -> Assembly:
         Span(", ".join(parts), low, high)
         for parts, (low, high) in zip(links.layers, edges, strict=True)
     ]
-    return Assembly(finger.name, make_parts(finger), others, spans)
+    return Assembly(finger.name, make_parts(finger), others, spans, ORDER)
 
 
 def _bars(section: Section, finger: Finger) -> list[Part]:
     links, found = links_of(finger), []
     for bar in BARS:
-        holes = tuple(Hole(one.center, one.radius) for one in holes_for(section, OUTLINES[bar]))
+        holes = section.holes(OUTLINES[bar])
         if len(holes) < 2:
             continue
         low, high = section.layers[links.layer_of(bar)]
@@ -96,14 +99,14 @@ def _pins(section: Section, finger: Finger) -> list[Part]:
     for pin, bodies in finger.joined().items():
         inner, *_, outer = sorted(links.layer_of(body) for body in bodies)
         low, high = section.layers[inner][0], section.layers[outer][1]
-        radius = section.axle if pin in AXLES else section.pin
+        [(center, radius, named)] = section.holes(pin)
         # In the one that it is pressed into it does not turn: the wall, if it has one.
         body = min(bodies, key=lambda one: (one in BARS, one))
         size = f"⌀{2 * radius:g} × {high - low:.4g} mm"
         kind = "axle" if pin in AXLES else "pin"
-        name = f"{kind} {pin_name(pin)}"
+        name = f"{kind} {named}"
         item, steel = f"{kind}s {high - low:.4g} mm long", "stainless steel A2-70"
-        both = sides(circle(*section.pins[pin], radius), low, high)
+        both = sides(circle(*center, radius), low, high)
         for side, prism in zip(SIDES, both, strict=True):
             part = Part(f"{name}, {side}", item, body, steel, size, (prism,), (), PIN)
             found.append(part)
@@ -115,7 +118,8 @@ def _camera(finger: Finger) -> Part:
     boxes = camera_outlines(finger)
     size = f"{_extent(boxes[0])} in the section, {2 * half:g} mm across"
     prisms = tuple(through(box, half) for box in boxes)
-    return Part("camera", "camera", "intermediate", "bought", size, prisms, (), CAMERA)
+    host = camera_of(finger).phalanx
+    return Part(f"{host} camera", "camera", host, "bought", size, prisms, (), CAMERA)
 
 
 def _mirrors(section: Section, finger: Finger) -> list[Part]:
@@ -137,7 +141,7 @@ def _pads(section: Section, finger: Finger) -> list[Part]:
     found = []
     for phalanx, own in zip(PHALANGES, outlines, strict=True):
         for number, corners in enumerate(own):
-            outline = hull(*((x, y, 0.0) for x, y in corners.tolist()))
+            outline = polygon(*corners)
             refraction = round(float(index[number]), 4)
             material = NAMED.get(refraction, f"clear, index {refraction:g}")
             length = max(corners[:, 0]) - min(corners[:, 0])

@@ -4,8 +4,8 @@ Each is one piece. The outer ones are troughs: the back, the end, and a wall at 
 pads, which holds PIP or DIP axle and the linkage's pins. The intermediate one has its walls outside
 the linkage: cheeks that close both joints at any angle. Ledges reach from the walls inwards as far
 as the LED strips, which lie beside the pads; between the ends of strips, posts hold the pads. A
-mirror lies on two rails behind it, the camera in a bridge that has its own outline, so that
-nothing stands where light passes.
+mirror lies on two rails behind it, in the intermediate phalanx on two ribs of its back; the camera
+lies in a bridge that has its own outline. So nothing stands where light passes.
 """
 
 from __future__ import annotations
@@ -15,11 +15,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from designopt.export.drawing import Place
-from designopt.export.parts import Hole, Outline, Part, Prism, around, circle, hull, wrapped
-from studies.models.finger import Finger, FingerMirror, Phalanx, camera_of
+from designopt.export.parts import Outline, Part, Prism, around, circle, polygon, wrapped
+from studies.models.finger import AXES, OUTWARD, Finger, FingerMirror, Phalanx, camera_of
 from studies.models.links import AXLES, WALLS
-from studies.models.manufacture.section import ACROSS, BESIDE_PADS, Outer, Section, rectangle
+from studies.models.manufacture.section import (
+    ACROSS,
+    BESIDE_PADS,
+    Outer,
+    Section,
+    rectangle,
+    sides,
+    through,
+)
 
 POST, SEAT, STEP = 1.5, 1.5, 1.0
 """Length of the posts that hold a pad, width of a mirror's rails, and where walls begin beyond a
@@ -29,20 +36,6 @@ SWEEP = 0.3
 """What the outer phalanges' covers leave to the cheeks that turn beside them, mm."""
 
 COLORS = {"proximal": "#5B7DB1", "intermediate": "#C9A24B", "distal": "#5FA38A"}
-
-JOINTS: dict[Outer, str] = {"proximal": "A", "distal": "B"}
-
-
-def sides(
-    outline: Outline, low: float, high: float, holes: tuple[Hole, ...] = ()
-) -> tuple[Prism, Prism]:
-    """Prisms over an outline at both sides of the finger."""
-    return Prism(outline, (low, high), holes), Prism(outline, (-high, -low), holes)
-
-
-def through(outline: Outline, reach: float) -> Prism:
-    """A prism over an outline from one side of the finger to the other."""
-    return Prism(outline, (-reach, reach))
 
 
 def make_phalanges(finger: Finger) -> list[Part]:
@@ -75,23 +68,21 @@ def make_phalanges(finger: Finger) -> list[Part]:
 
 def side_wall(section: Section, phalanx: Outer) -> Outline:
     """Outline of an outer phalanx's walls beside the pads, with an ear for the motor's axis."""
-    length, low, gap = section.lengths[phalanx], section.strip_top, _gap(section, phalanx)
-    joint, pins = JOINTS[phalanx], [pin for pin in WALLS[phalanx] if pin in section.pins]
-    origin = section.pins[joint][0]
-    sign = 1.0 if phalanx == "distal" else -1.0
-
-    def ring(pin: str) -> tuple[float, float, float]:
-        x, y, radius = section.ring(pin)
-        return sign * (x - origin), y, radius
-
-    corner, own = (length, low, 0.0), ring(joint)
+    length, low, gap = section.lengths[phalanx], section.strip_top, section.gaps[phalanx]
+    pins = [pin for pin in WALLS[phalanx] if pin in section.pins]
+    rings = {pin: section.inward(phalanx, section.ring(pin)) for pin in pins}
+    motor, own = rings.pop("M", None), rings.pop(AXES[phalanx])
+    corner, others = (length, low, 0.0), [*rings.values()]
     above = (length, section.ceiling, 0.0), (STEP, section.ceiling, 0.0)
-    others = [ring(pin) for pin in pins if pin not in (joint, "M")]
     upper = 2 * wrapped(corner, *above, *others, own)
     first = upper.index(corner)
     discs = [*upper[first : upper.index(own, first) + 1], (gap, low, 0.0)]
-    if "M" in pins:
-        u, y, radius = ring("M")
+    for u, y, radius in sorted(others):
+        if y - radius < low < y + radius and gap < u - radius and u + radius < length - POST:
+            # The post below it is part of the wall.
+            discs += [(u - radius, low, 0.0), (u, y, radius), (u + radius, low, 0.0)]
+    if motor is not None:
+        u, y, radius = motor
         ear = [(u, y, radius), (length, y + radius, 0.0)]
         foot = [(length, low, 0.0), (length, y - radius, 0.0)]
         if y - radius < low:
@@ -102,10 +93,11 @@ def side_wall(section: Section, phalanx: Outer) -> Outline:
 
 def cheek(section: Section) -> Outline:
     """Outline of the intermediate phalanx's walls: between the joints, and quarters about these."""
-    (pip, dip), middle, radius = section.gaps, section.middle, section.cheek
+    (pip, dip), middle, radius = section.gaps.values(), section.middle, section.cheek
     rear, front = (-radius, -STEP / 2, 0.0), (middle + radius, -STEP / 2, 0.0)
     pad = (pip, section.palmar, 0.0), (middle - dip, section.palmar, 0.0)
-    below = 2 * wrapped(rear, section.ring("A"), *pad, section.ring("B"), front)
+    rings = [section.ring(pin) for pin in WALLS["intermediate"]]
+    below = 2 * wrapped(rear, *pad, *rings, front)
     first = below.index(rear)
     return around(
         *below[first : below.index(front, first) + 1],
@@ -127,13 +119,9 @@ def strip_spans(section: Section, phalanx: Phalanx) -> list[tuple[float, float]]
     return found
 
 
-def _gap(section: Section, phalanx: Outer) -> float:
-    return section.gaps[0 if phalanx == "proximal" else 1]
-
-
 def _posts(section: Section, phalanx: Phalanx) -> list[tuple[float, float]]:
     """Where posts stand beside a pad, x, in order: at its ends, and where a pin lies low."""
-    (pip, dip), middle = section.gaps, section.middle
+    (pip, dip), middle = section.gaps.values(), section.middle
     if phalanx == "intermediate":
         start, end = pip, middle - dip
         return [(start, start + POST), (end - POST, end)]
@@ -164,13 +152,13 @@ def _merged(spans: Sequence[tuple[float, float]], least: float) -> list[tuple[fl
 
 
 def _outer(section: Section, phalanx: Outer, finger: Finger) -> list[Prism]:
-    length, gap, shell = section.lengths[phalanx], _gap(section, phalanx), section.shell
+    length, gap, shell = section.lengths[phalanx], section.gaps[phalanx], section.shell
     (inner, outer), widest = section.layers[BESIDE_PADS], section.layers[ACROSS][1]
     low, palmar, dorsal = section.strip_top, section.palmar, section.dorsal
     ledge = section.box(phalanx, gap, length, palmar, palmar + shell)
     end = section.box(phalanx, length - shell, length, low, dorsal)
     found = [
-        *sides(side_wall(section, phalanx), inner, outer, wall_holes(section, phalanx)),
+        *sides(side_wall(section, phalanx), inner, outer, section.holes(WALLS[phalanx])),
         through(section.box(phalanx, section.play, length, section.ceiling, dorsal), widest),
         through(end, widest if phalanx == "distal" else outer),
         *sides(ledge, outer, widest),
@@ -185,55 +173,70 @@ def _outer(section: Section, phalanx: Outer, finger: Finger) -> list[Prism]:
         found += sides(cover, section.layers[ACROSS][0], widest)
     for mirror in finger.mirrors:
         if mirror.phalanx == phalanx:
-            rail = _rail(section, phalanx, mirror)
+            rail = _rail(section, finger, mirror)
             found += sides(rail, section.half_width - SEAT, outer)
+    return found + _camera_seat(section, finger, phalanx)
+
+
+def _camera_seat(section: Section, finger: Finger, phalanx: Phalanx) -> list[Prism]:
+    """A bridge with the camera's own outline at both its sides, and what it hangs on."""
+    if finger.camera is None or finger.camera.phalanx != phalanx:
+        return []
+    half = camera_half_width(finger) + section.play
+    found = [through(_pedestal(section, finger), section.half_width)]
+    for box in camera_outlines(finger):
+        found += sides(box, half, section.half_width)
     return found
 
 
-def _rail(section: Section, phalanx: Outer, mirror: FingerMirror) -> Outline:
+def _rail(section: Section, finger: Finger, mirror: FingerMirror) -> Outline:
     """Behind a mirror's mount, from its outer end to where its own wall begins at the joint."""
-    sign = 1.0 if phalanx == "distal" else -1.0
-    corners = np.asarray(mirror.corners) * [sign, -1.0] + [0.0, section.dorsal]
-    near, _, behind_far, behind_near = corners
-    behind = (behind_near - near) / np.hypot(*(behind_near - near))
-    begin = max(0.0, (STEP - behind_near[0]) / (behind_far[0] - behind_near[0]))
-    start = behind_near + begin * (behind_far - behind_near)
-    around_it = [start, behind_far, behind_far + section.shell * behind]
-    around_it.append(start + section.shell * behind)
-    return hull(*((*place, 0.0) for place in _outwards(section, phalanx, around_it)))
+    near, _, behind_far, behind_near = mirror_corners(finger, mirror)
+    behind = section.shell * (behind_near - near) / np.hypot(*(behind_near - near))
+    wall = section.pins[AXES[mirror.phalanx]][0] + STEP * OUTWARD[mirror.phalanx]
+    share = (wall - behind_near[0]) / (behind_far[0] - behind_near[0])
+    start = behind_near + max(0.0, share) * (behind_far - behind_near)
+    return polygon(start, behind_far, behind_far + behind, start + behind)
 
 
-def _outwards(
-    section: Section, phalanx: Outer, places: Sequence[np.ndarray]
-) -> list[tuple[float, float]]:
-    discs = section.outward(phalanx, *((float(u), float(y), 0.0) for u, y in places))
-    return [(x, y) for x, y, _ in discs]
+def _rib(section: Section, finger: Finger, mirror: FingerMirror) -> Outline:
+    """Between the mount of a mirror in the intermediate phalanx and the back, on which it hangs."""
+    return _hung(section, mirror_corners(finger, mirror)[2:])
+
+
+def _hung(section: Section, places: np.ndarray) -> Outline:
+    """From places up into the wall of the back."""
+    top = section.ceiling + section.shell / 2
+    return polygon(*places, *((x, top) for x, _ in places))
+
+
+def mirror_corners(finger: Finger, mirror: FingerMirror) -> np.ndarray:
+    """Corners of a mirror with its mount, in the order of `FingerMirror.corners`, mm."""
+    return np.asarray(finger.body.place(mirror.phalanx, mirror.corners), float)
 
 
 def _middle(section: Section, finger: Finger) -> list[Prism]:
-    (pip, dip), middle, palmar = section.gaps, section.middle, section.palmar
+    (pip, dip), middle, palmar = section.gaps.values(), section.middle, section.palmar
     (inner, outer), (within, widest) = section.layers[BESIDE_PADS], section.layers[ACROSS]
     play, shell = section.play, section.shell
     ledge = rectangle(pip, middle - dip, palmar, palmar + shell)
     found = [
-        *sides(cheek(section), within, widest, wall_holes(section, "intermediate")),
+        *sides(cheek(section), within, widest, section.holes(WALLS["intermediate"])),
         through(rectangle(play, middle - play, section.ceiling, section.dorsal), widest),
         *sides(ledge, outer, widest),
     ]
     for start, stop in _posts(section, "intermediate"):
         found += sides(rectangle(start, stop, palmar, palmar + section.stack), inner, outer)
-    if finger.camera is not None:
-        half = camera_half_width(finger) + play
-        for box in camera_outlines(finger):
-            found += sides(box, half, section.half_width)
-        found.append(through(_pedestal(section, finger), section.half_width))
-    return found
+    for mirror in finger.mirrors:
+        if mirror.phalanx == "intermediate":
+            rib = _rib(section, finger, mirror)
+            found += sides(rib, section.half_width - SEAT, section.half_width)
+    return found + _camera_seat(section, finger, "intermediate")
 
 
 def camera_outlines(finger: Finger) -> list[Outline]:
     """The camera's body in the section, as convex outlines."""
-    boxes = _boxes(finger).tolist()
-    return [hull(*((x, y, 0.0) for x, y in corners)) for corners in boxes]
+    return [polygon(*corners) for corners in np.asarray(finger.camera_boxes(), float)]
 
 
 def camera_half_width(finger: Finger) -> float:
@@ -242,34 +245,19 @@ def camera_half_width(finger: Finger) -> float:
     return float(camera.width if camera.module is None else camera.module.board[1]) / 2
 
 
-def _boxes(finger: Finger) -> np.ndarray:
-    return np.asarray(finger.camera_boxes(), float)
-
-
 def _pedestal(section: Section, finger: Finger) -> Outline:
     """Between the back of the camera's body and the back of the finger."""
     tilt = float(camera_of(finger).tilt)
-    upward = np.array([-np.sin(tilt), np.cos(tilt)])
-    corners = _boxes(finger).reshape(-1, 2)
-    heights = corners @ upward
-    back = corners[heights > np.max(heights) - 1e-6]
-    under: list[Place] = [(float(x), float(y)) for x, y in back]
-    top = [(x, section.ceiling + section.shell / 2) for x, _ in under]
-    return hull(*((*place, 0.0) for place in (*under, *top)))
-
-
-def wall_holes(section: Section, phalanx: str) -> tuple[Hole, ...]:
-    """Holes of a phalanx's walls, for the pins that they hold."""
-    pins = [pin for pin in WALLS[phalanx] if pin in section.pins]
-    radii = [section.axle if pin in AXLES else section.pin for pin in pins]
-    return tuple(Hole(section.pins[pin], own) for pin, own in zip(pins, radii, strict=True))
+    corners = np.asarray(finger.camera_boxes(), float).reshape(-1, 2)
+    heights = corners @ [-np.sin(tilt), np.cos(tilt)]
+    return _hung(section, corners[heights > np.max(heights) - 1e-6])
 
 
 def _drilled(section: Section, phalanx: str) -> list[Prism]:
-    """These holes through all that the walls are joined with."""
+    """The walls' holes through all that these are joined with."""
     layer = ACROSS if phalanx == "intermediate" else BESIDE_PADS
     low, high = section.layers[layer]
     spare, found = section.play / 2, []
-    for hole in wall_holes(section, phalanx):
+    for hole in section.holes(WALLS[phalanx]):
         found += sides(circle(*hole.center, hole.radius), low - spare, high + spare)
     return found

@@ -4,25 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
-import numpy as np
-
-from designopt.export.drawing import Place
-from designopt.export.parts import Outline, hull
+from designopt.export.parts import Hole, Outline, hull, polygon
 from studies.models.finger import Finger
-from studies.models.links import AXLES, BARS, OUTLINES, WALLS
-from studies.models.manufacture.phalanges import cheek, side_wall
+from studies.models.links import BARS, OUTLINES, WALLS
+from studies.models.manufacture.phalanges import cheek, mirror_corners, side_wall
 from studies.models.manufacture.section import Section
-from studies.models.mirror_design.clearances import mirror_outlines
-from studies.models.pins import pin_name
-
-
-class PlateHole(NamedTuple):
-    """A hole of a plate, by the pin in it."""
-
-    name: str
-    center: Place
-    radius: float
 
 
 class Plate(NamedTuple):
@@ -30,7 +16,7 @@ class Plate(NamedTuple):
 
     name: str
     outline: Outline
-    holes: list[PlateHole]
+    holes: tuple[Hole, ...] = ()
 
 
 def make_plates(finger: Finger) -> list[Plate]:
@@ -51,15 +37,15 @@ def make_plates(finger: Finger) -> list[Plate]:
         "distal": side_wall(section, "distal"),
     }
     found = [
-        Plate(f"{name} wall", outline, holes_for(section, WALLS[name]))
+        Plate(f"{name} wall", outline, section.holes(WALLS[name]))
         for name, outline in walls.items()
     ]
     for bar in BARS:
-        holes = holes_for(section, OUTLINES[bar])
+        holes = section.holes(OUTLINES[bar])
         if len(holes) > 1:
             found.append(Plate(bar, bar_outline(section, bar), holes))
     glass = mirror_glass(finger)
-    return found + [Plate(f"{name} mirror", outline, []) for name, outline in glass.items()]
+    return found + [Plate(f"{name} mirror", outline) for name, outline in glass.items()]
 
 
 def bar_outline(section: Section, bar: str) -> Outline:
@@ -69,19 +55,7 @@ def bar_outline(section: Section, bar: str) -> Outline:
     )
 
 
-def holes_for(section: Section, pins: str) -> list[PlateHole]:
-    """Holes for those of some pins that the finger has."""
-    return [
-        PlateHole(pin_name(pin), section.pins[pin], section.axle if pin in AXLES else section.pin)
-        for pin in pins
-        if pin in section.pins
-    ]
-
-
 def mirror_glass(finger: Finger) -> dict[str, Outline]:
     """Outlines of the mirrors with their mounts, by their names."""
-    found = {}
-    for name, mirror in zip(finger.mirror_names, finger.mirrors, strict=True):
-        corners = np.asarray(mirror_outlines(finger, mirror, jnp.zeros(1))[0], float)
-        found[name] = hull(*((x, y, 0.0) for x, y in corners.tolist()))
-    return found
+    named = zip(finger.mirror_names, finger.mirrors, strict=True)
+    return {name: polygon(*mirror_corners(finger, mirror)) for name, mirror in named}

@@ -15,11 +15,12 @@ import numpy as np
 
 from designopt import UserError
 from designopt.export.drawing import Place
-from designopt.export.parts import Disc, Outline, around
+from designopt.export.parts import Disc, Hole, Outline, Prism, polygon
 from studies.models.finger import Finger, links_of
 from studies.models.linkage_design.problem import pin_places
 from studies.models.linkage_kinds import SIX_BAR
 from studies.models.links import AXLES, LAYERS
+from studies.models.pins import pin_name
 
 Outer = Literal["proximal", "distal"]
 
@@ -42,7 +43,7 @@ class Section:
         palmar, dorsal: heights of the faces.
         lengths: of the outer phalanges.
         middle: from PIP to DIP.
-        gaps: from PIP and from DIP to the pads beside them.
+        gaps: from an outer phalanx's joint to the pads beside it.
         rim: from the outer pads to the ends of the finger.
         stack: thickness of the layers on a pad; that of a wall where pads are bare.
     """
@@ -58,7 +59,7 @@ class Section:
     dorsal: float
     lengths: Mapping[Outer, float]
     middle: float
-    gaps: tuple[float, float]
+    gaps: Mapping[Outer, float]
     rim: float
     stack: float
 
@@ -96,7 +97,7 @@ class Section:
             dorsal=float(body.dorsal),
             lengths={"proximal": float(body.proximal), "distal": float(body.distal)},
             middle=float(body.intermediate),
-            gaps=(pip, dip),
+            gaps={"proximal": pip, "distal": dip},
             rim=float(body.rim),
             stack=stack,
         )
@@ -121,10 +122,23 @@ class Section:
         """Radius of the intermediate phalanx's walls about the joints: just beneath the back."""
         return self.ceiling - 2 * self.play
 
+    def holes(self, pins: str) -> tuple[Hole, ...]:
+        """Holes for those of some pins that the finger has."""
+        return tuple(
+            Hole(self.pins[pin], self.axle if pin in AXLES else self.pin, pin_name(pin))
+            for pin in pins
+            if pin in self.pins
+        )
+
     def ring(self, pin: str) -> Disc:
         """What a wall needs around a pin."""
-        radius = (self.axle if pin in AXLES else self.pin) + self.shell
-        return (*self.pins[pin], radius)
+        [hole] = self.holes(pin)
+        return (*hole.center, hole.radius + self.shell)
+
+    def inward(self, phalanx: Outer, disc: Disc) -> Disc:
+        """A disc of the finger in u."""
+        x, y, radius = disc
+        return (x - self.middle if phalanx == "distal" else -x), y, radius
 
     def outward(self, phalanx: Outer, *discs: Disc) -> list[Disc]:
         """Discs in u, counter-clockwise, as those of the finger, counter-clockwise again."""
@@ -134,10 +148,22 @@ class Section:
 
     def box(self, phalanx: Outer, near: float, far: float, low: float, high: float) -> Outline:
         """A rectangle between two places outwards from a joint and two heights."""
-        corners = (near, low, 0.0), (far, low, 0.0), (far, high, 0.0), (near, high, 0.0)
-        return around(*self.outward(phalanx, *corners))
+        [(start, *_), (end, *_)] = self.outward(phalanx, (near, 0.0, 0.0), (far, 0.0, 0.0))
+        return rectangle(start, end, low, high)
 
 
 def rectangle(start: float, end: float, low: float, high: float) -> Outline:
     """A rectangle between two x and two y."""
-    return around((start, low, 0.0), (end, low, 0.0), (end, high, 0.0), (start, high, 0.0))
+    return polygon((start, low), (end, low), (end, high), (start, high))
+
+
+def sides(
+    outline: Outline, low: float, high: float, holes: tuple[Hole, ...] = ()
+) -> tuple[Prism, Prism]:
+    """Prisms over an outline at both sides of the finger."""
+    return Prism(outline, (low, high), holes), Prism(outline, (-high, -low), holes)
+
+
+def through(outline: Outline, reach: float) -> Prism:
+    """A prism over an outline from one side of the finger to the other."""
+    return Prism(outline, (-reach, reach))

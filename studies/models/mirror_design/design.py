@@ -379,6 +379,9 @@ def _poor(finger: Finger, spec: MirrorSpec) -> Finger:
 def first_placements(finger: Finger, spec: MirrorSpec, seed: int) -> list[Placement]:
     """Where searches begin: the poor layout, random ones and, of layered pads, the reference.
 
+    The reference has its camera in the intermediate phalanx and no mirror there: it is left out
+    where the settings have others.
+
     Args:
         finger: its body.
         spec: camera, room and how many random ones.
@@ -386,7 +389,8 @@ def first_placements(finger: Finger, spec: MirrorSpec, seed: int) -> list[Placem
     """
     poor = _poor(finger, spec)
     starts = [free_part(poor), *_random(poor, spec, seed)]
-    if poor.layers is not None:
+    alike = spec.camera.phalanx == "intermediate" and "intermediate" not in spec.phalanges
+    if poor.layers is not None and alike:
         known = reference_layout(finger, spec.camera, spec.phalanges, spec.room.mount)
         starts.append(free_part(replace(known, layers=poor.layers)))
     return starts

@@ -18,7 +18,7 @@ from designopt.plot.figures import PALETTE, angle_ticks, new_figure
 from optics.plot.scene_drawing import DASHES
 from optics.plot.scene_figures import COLORS, UNSEEN, poses_figure
 from optics.scene.scene import Scene
-from studies.models.finger import PHALANGES, Phalanx
+from studies.models.finger import PHALANGES
 from studies.models.mirror_design.judging import Square, Verdict
 from studies.models.mirror_design.seeing import best_resolution, pad_lengths, together
 from studies.models.mirror_design.yields import STEPS, Sensitivity, Yield
@@ -28,8 +28,18 @@ PARTS = (0.0, 1 / 3, 2 / 3, 1.0)
 
 PLACES = 161
 
-JOINTS: dict[Phalanx, str] = {"proximal": "PIP", "distal": "DIP"}
-"""The outer pads, and the joints that move them in the image."""
+
+def moving_pads(scene: Scene) -> dict[str, str]:
+    """The pads that move against the camera, each with the joint next to it on the camera's side.
+
+    Example:
+        >>> from studies.models.finger_file import packaged_finger
+        >>> moving_pads(packaged_finger().scene())
+        {'proximal': 'PIP', 'distal': 'DIP'}
+    """
+    layout = scene.layout
+    pads = [pad.name for pad in layout.pads if pad.frame != layout.camera_frame]
+    return dict(zip(pads, map(str.upper, layout.angles), strict=True))
 
 
 def drawn_postures(verdict: Verdict) -> list[int]:
@@ -67,9 +77,10 @@ def _shade(axes: Axes, x: Any, y: Any, values: np.ndarray, colors: ScalarMappabl
 
 
 def draw_resolution(scenes: Mapping[str, tuple[Scene, Verdict]]) -> Figure:
-    """Resolution along the outer pads over their joints' angles, before and after."""
-    drawing, grid = new_figure(len(scenes), len(JOINTS), height=2.6 * len(scenes) + 0.5)
-    places, pads = jnp.linspace(0, 1, PLACES), [PHALANGES.index(pad) for pad in JOINTS]
+    """Resolution along `moving_pads` over their joints' angles, before and after."""
+    [joints] = {tuple(moving_pads(scene).items()) for scene, _ in scenes.values()}
+    drawing, grid = new_figure(len(scenes), len(joints), height=2.6 * len(scenes) + 0.5)
+    places, pads = jnp.linspace(0, 1, PLACES), [PHALANGES.index(pad) for pad, _ in joints]
     maps = []
     for scene, verdict in scenes.values():
         views = jax.tree.map(jnp.asarray, verdict.views.value)
@@ -78,7 +89,7 @@ def draw_resolution(scenes: Mapping[str, tuple[Scene, Verdict]]) -> Figure:
     seen = np.concatenate([values[np.isfinite(values)] for values in maps])
     colors = ScalarMappable(LogNorm(max(seen.min(), 0.5), seen.max()), COLORS)
     for row, values, (name, (scene, verdict)) in zip(grid, maps, scenes.items(), strict=True):
-        for column, (axes, pad) in enumerate(zip(row, JOINTS, strict=True)):
+        for column, (axes, (pad, _)) in enumerate(zip(row, joints, strict=True)):
             along = float(pad_lengths(scene)[pads[column]]) * np.asarray(places)
             axes.patch.set(**UNSEEN)
             _shade(axes, verdict.degrees, along, values[:, column], colors)
@@ -86,7 +97,7 @@ def draw_resolution(scenes: Mapping[str, tuple[Scene, Verdict]]) -> Figure:
             note = f"{there.min():.3g} to {there.max():.3g} px/mm" if there.size else "nothing seen"
             axes.set(title=f"{name}, {pad}: {note}", xticks=angle_ticks(verdict.degrees[-1], 6))
         row[0].set_ylabel("along the pad (mm)")
-    for axes, joint in zip(grid[-1], JOINTS.values(), strict=True):
+    for axes, (_, joint) in zip(grid[-1], joints, strict=True):
         axes.set_xlabel(f"{joint} (°)")
     bar = drawing.colorbar(colors, ax=grid.ravel().tolist(), label="resolution (px/mm)")
     ticks = [tick for tick in (0.5, 1, 2, 5, 10, 20, 50) if seen.min() <= tick <= seen.max()]
@@ -126,10 +137,18 @@ def _lines(axes: Axes, x: np.ndarray, parts: Mapping[str, np.ndarray]) -> None:
         axes.plot(x, 100 * part, label=name, **style)
 
 
-def draw_yield(yields: Mapping[str, Yield], degrees: np.ndarray) -> Figure:
-    """In which postures draws fail, pad by pad."""
+def draw_yield(
+    yields: Mapping[str, Yield], degrees: np.ndarray, joints: Mapping[str, str]
+) -> Figure:
+    """In which postures draws fail, pad by pad.
+
+    Args:
+        yields: by what people read.
+        degrees: of both joints, bent alike.
+        joints: `moving_pads` of the finger.
+    """
     drawing, grid = new_figure(1, 2, height=3.4)
-    for axes, (pad, joint) in zip(grid[0], JOINTS.items(), strict=True):
+    for axes, (pad, joint) in zip(grid[0], joints.items(), strict=True):
         column = PHALANGES.index(pad)
         named = {f"{name}: yield {100 * one.value:.1f} %": one for name, one in yields.items()}
         _lines(axes, degrees, {name: one.by_pose[:, column] for name, one in named.items()})

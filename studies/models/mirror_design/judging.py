@@ -16,7 +16,7 @@ from designopt.solution import Solution
 from optics import Pieces, Scene, find_coverage, find_views
 from optics.scene.writer import scene_tables
 from optics.visibility.sharpness import find_sharpness
-from studies.models.finger import Finger
+from studies.models.finger import PHALANGES, Finger, camera_of, joints_between
 from studies.models.mirror_design.postures import (
     ROUNDING,
     WorstPostures,
@@ -114,7 +114,8 @@ class Square(NamedTuple):
 
     Attributes:
         coverage: of every pad, shape (PIP, DIP, pads).
-        disagreement: largest deviation from the row.
+        disagreement: largest deviation from the row, of pads that one joint or none moves against
+            the camera.
         speedup: run time of all pairs over that of the row.
     """
 
@@ -135,13 +136,13 @@ def coverage_grid(finger: Finger) -> Square:
     mesh = jnp.stack(jnp.meshgrid(angles, angles, indexing="ij"), axis=-1)
     row, row_seconds = _timed(scene, together(angles))
     square, square_seconds = _timed(scene, mesh)
-    names = [pad.name for pad in scene.layout.pads]
-    distal, proximal = names.index("distal"), names.index("proximal")
-    expected = np.repeat(row[:, None], len(row), axis=1)
-    expected[..., distal] = row[None, :, distal]
-    expected[..., proximal] = row[:, None, proximal]
-    disagreement = float(np.max(np.abs(square - expected)))
-    return Square(square, disagreement, square_seconds / row_seconds)
+    deviations, host = [0.0], camera_of(finger).phalanx
+    for pad, name in enumerate(PHALANGES):
+        joints = joints_between(name, host)
+        if len(joints) < 2:
+            expected = row[None, :, pad] if 1 in joints else row[:, None, pad]
+            deviations.append(float(np.max(np.abs(square[..., pad] - expected))))
+    return Square(square, max(deviations), square_seconds / row_seconds)
 
 
 def _timed(scene: Scene, poses: Float[Array, "*poses joints"]) -> tuple[np.ndarray, float]:
@@ -179,7 +180,8 @@ def _through_layers(
     tables["camera"]["fov_deg"] = math.degrees(float(camera.field_of_view))
     if camera.module is not None:
         for ends in np.asarray(camera.module.outline(camera.position, camera.direction)).tolist():
-            tables["blockers"].append({"name": "module", "from": ends[0], "to": ends[1]})
+            line = {"name": "module", "from": ends[0], "to": ends[1]}
+            tables["blockers"].append(line | {"body": tables["camera"].get("body")})
     angles = {frames["proximal"]["angle"]: pip_deg, frames["distal"]["angle"]: dip_deg}
     plain = read(posed_tables(tables, angles))
     return layers.coverage(plain, layers.runs(plain, rays))

@@ -12,7 +12,16 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from studies.models.finger import MOUNT, Finger, FingerCamera, FingerMirror, Phalanx
+from studies.models.finger import (
+    MOUNT,
+    OUTWARD,
+    Finger,
+    FingerCamera,
+    FingerMirror,
+    Phalanx,
+    camera_of,
+)
+from studies.models.mirror_design.clearances import ENDS
 from studies.models.mirror_design.spec import CameraSpec, MirrorSpec
 
 Placement = Finger
@@ -42,8 +51,8 @@ def with_layout(
     Args:
         finger: its own camera and mirrors are replaced.
         lens: the camera's settings.
-        place: of the camera: along from the PIP axis and depth of the pinhole, mm, and tilt,
-            degrees; see `FingerCamera`.
+        place: of the camera in its phalanx: along and depth of the pinhole, mm, and tilt, degrees;
+            see `FingerCamera`.
         lines: ends of the mirror of each phalanx; several mirrors share its line, `BETWEEN` apart.
         phalanges: what carries the mirrors; those of one phalanx are in order from the joint.
         mount: thickness of each, mm.
@@ -77,7 +86,10 @@ def reference_layout(
     phalanges: Sequence[Phalanx] = CARRIERS,
     mount: float = MOUNT,
 ) -> Finger:
-    """The layout that an earlier, independent search with errors found for T = 25, h = 4 mm."""
+    """The layout that an earlier, independent search with errors found for T = 25, h = 4 mm.
+
+    Its camera is in the intermediate phalanx, and its mirrors are in the outer ones.
+    """
     lines: dict[Phalanx, Ends] = {
         "distal": [[0.24, 1.96], [30.81, 20.66]],
         "proximal": [[4.16, 2.5], [-28.35, 11.7]],
@@ -93,13 +105,15 @@ def poor_layout(
 ) -> Finger:
     """Where the search begins on purpose: mirrors along the back of the finger, which show little.
 
-    The camera sits 5 mm over the middle of the intermediate pad and looks straight at it.
+    The camera sits 5 mm over the palmar face amid its phalanx and looks straight at it.
     """
     body = finger.body
-    place = (body.intermediate / 2, body.thickness - 5, 0.0)
+    host: Phalanx = lens.phalanx
+    place = (OUTWARD[host] * getattr(body, host) / 2, body.thickness - 5, 0.0)
     lines: dict[Phalanx, Ends] = {
         "distal": [[2.0, 2.0], [body.distal - 4, 2.0]],
         "proximal": [[-2.0, 2.0], [4 - body.proximal, 2.0]],
+        "intermediate": [[2.0, 2.0], [body.intermediate - 2, 2.0]],
     }
     return with_layout(finger, lens, place, lines, phalanges, mount)
 
@@ -133,22 +147,27 @@ def _placement(
 def bounds(finger: Finger, spec: MirrorSpec) -> tuple[Placement, Placement]:
     """Least and greatest values of everything that is free: inside its phalanx.
 
-    The camera's body lies over the intermediate phalanx and no more than its length below the
-    dorsal face. A mirror's ends keep the clearance from the layers (the palmar plane, if there are
-    none), the dorsal face and the end wall. One end lies in the half next to the joint, and may
-    reach beyond the joint's axis by the overhang (the reference layout's proximal mirror does so by
-    4.16 mm: the cheeks that carry it enclose the joint), the other in the far half; n mirrors on
-    one phalanx divide it likewise, at 1/2n, 3/2n, … of its length. That mirrors with their mounts
-    stay inside and keep away from all else are inequalities (`clearances`), and that the camera's
-    body stays inside the wall of the back, however it is tilted, is so by construction
-    (`problem.put_in`). Reaches of layers are shares of what is free; those of
-    layers that end at the membrane stay 0.
+    The camera's body lies over its phalanx and no more than its length below the dorsal face. A
+    mirror's ends keep the clearance from the layers (the palmar plane, if there are none), the
+    dorsal face and the end wall. One end lies in the half next to the joint, and may reach beyond
+    the joint's axis by the overhang (the reference layout's proximal mirror does so by 4.16 mm: the
+    cheeks that carry it enclose the joint), the other in the far half, which in the intermediate
+    phalanx ends at a joint likewise; n mirrors on one phalanx divide it in this way, at 1/2n, 3/2n,
+    … of its length. That mirrors with their mounts stay inside and keep away from all else are
+    inequalities (`clearances`), and that the camera's body stays inside the wall of the back,
+    however it is tilted, is so by construction (`problem.put_in`). Reaches of layers are shares of
+    what is free; those of layers that end at the membrane stay 0.
 
     Returns:
         The least and the greatest placement, mm and rad.
     """
     body, clear, over = finger.body, spec.room.clearance, spec.room.overhang
     half, phalanges = spec.camera.width / 2, hosts(finger)
+
+    def along(phalanx: Phalanx, ends: Sequence[ArrayLike]) -> Float[Array, " ends"]:
+        """Places so far outwards from a phalanx's joint, in order towards the tip."""
+        return jnp.sort(OUTWARD[phalanx] * jnp.stack([jnp.asarray(one, float) for one in ends]))
+
     low, room = clear, body.thickness + body.protrusion
     if finger.layers is not None:
         room = room - jnp.sum(finger.layers.thickness)
@@ -156,16 +175,17 @@ def bounds(finger: Finger, spec: MirrorSpec) -> tuple[Placement, Placement]:
     least, greatest = [], []
     for number, phalanx in enumerate(phalanges):
         own, count = _rank(phalanges, number)
-        length, sign = (body.distal, 1.0) if phalanx == "distal" else (body.proximal, -1.0)
+        length: Any = getattr(body, phalanx)
         inner = [(2 * i + 1) / (2 * count) * length for i in range(count)]
-        cuts = jnp.stack([jnp.asarray(cut, float) for cut in (-over, *inner, length - clear)])
-        cells = jnp.sort(sign * jnp.stack([cuts[own : own + 2], cuts[own + 1 : own + 3]]), axis=1)
+        cuts = (-over, *inner, length - clear if phalanx in ENDS else length + over)
+        cells = jnp.stack([along(phalanx, cuts[own + end : own + end + 2]) for end in (0, 1)])
         for found, side, depth in ((least, 0, low), (greatest, 1, high)):
             found.append(jnp.stack([cells[:, side], jnp.full(2, depth)], axis=-1))
-    camera = (half, spec.camera.depth, -0.6)
-    lowest = _placement(finger, camera, least, 0.0)
-    camera = (body.intermediate - half, high - clear, 0.6)
-    return lowest, _placement(finger, camera, greatest, float(spec.pads.reach == "free"))
+    host = camera_of(finger).phalanx
+    first, last = along(host, (half, getattr(body, host) - half))
+    lowest = _placement(finger, (first, spec.camera.depth, -0.6), least, 0.0)
+    highest = last, high - clear, 0.6
+    return lowest, _placement(finger, highest, greatest, float(spec.pads.reach == "free"))
 
 
 def scale(finger: Finger) -> Placement:

@@ -32,7 +32,7 @@ FOV_DEG, PIXELS = 160.0, 1080
 
 
 class CameraSpec(Spec):
-    """The camera on the intermediate phalanx: a lens with an opaque body behind it.
+    """The camera: a lens with an opaque body behind it, in one of the phalanges.
 
     The lens is one that is sold (``model``) or, where ``fov_deg`` or ``pixels`` are given, an
     equidistant one whose field of view fills the image line. Width and depth of the body are
@@ -62,6 +62,9 @@ class CameraSpec(Spec):
         32.0, "distance at which it is focused: nearest and farthest place blur alike (mm)"
     )
     max_blur_px: Length = setting(8.0, "largest blur spot that is accepted (pixels)")
+    phalanx: Literal["proximal", "intermediate", "distal"] = setting(
+        "intermediate", "what carries the camera"
+    )
     width: Length = setting(8.0, "width of the opaque body (mm)")
     depth: Length = setting(4.0, "from the pinhole to the back of the opaque body (mm)")
     min_grazing_deg: float = setting(
@@ -208,7 +211,7 @@ class SearchSpec(Spec):
 class MirrorSpec(Spec):
     """What `design_mirrors` is given besides the body."""
 
-    phalanges: list[Literal["distal", "proximal"]] = setting(
+    phalanges: list[Literal["distal", "proximal", "intermediate"]] = setting(
         ["distal", "proximal"],
         "what carries each mirror; none: the camera looks at the pads directly",
         max_length=MOST_MIRRORS,
@@ -260,9 +263,11 @@ class FingerMirrorsSpec(MirrorSpec):
                 f"a finger {thinnest:g} mm thick has no room for the camera: axis_height, "
                 f"camera.depth and two clearances already take {needed:g} mm; make it thicker"
             )
-        if self.camera.width >= self.body.intermediate:
+        host = self.camera.phalanx
+        length: float = getattr(self.body, host)
+        if self.camera.width >= length:
             raise ValueError(
-                f"camera.width ({self.camera.width:g} mm) must be smaller than body.intermediate "
-                f"({self.body.intermediate:g} mm), on which the camera sits"
+                f"camera.width ({self.camera.width:g} mm) must be smaller than body.{host} "
+                f"({length:g} mm), on which the camera sits"
             )
         return self

@@ -104,7 +104,7 @@ def assembly():
         Part(f"bar, {side}", "bar", "bar", "steel", "1 mm", (bar,)) for side in ("left", "right")
     ]
     shell = Part("shell", "shell", "base", "printed", "", (Prism(circle(0, 0, 3), (-2, 2)),))
-    return Assembly("thing", [*pieces, shell], [BillRow("=motor", "bought", "", 1)], [])
+    return Assembly("thing", [*pieces, shell], [BillRow("=motor", "bought", "", 1)], [], "")
 
 
 def test_holes_are_no_part_of_a_volume(assembly):

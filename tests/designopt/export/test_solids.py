@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from designopt import UserError
 from designopt.export.parts import Hole, Part, Prism, around, circle, hull
 
 pytest.importorskip("OCP")
@@ -66,7 +67,7 @@ def test_the_same_parts_give_the_same_text():
 
 def test_pieces_that_do_not_hang_together_are_no_part():
     apart = Prism(circle(50, 50, 1), (0, 1))
-    with pytest.raises(ValueError, match="bar: 2 solids"):
+    with pytest.raises(UserError, match="bar: its prisms make 2 solids"):
         make_solid(part("bar", BAR, apart))
 
 
