@@ -279,9 +279,14 @@ def requirements(spec: FingerSpec, found: FingerDesign) -> Records:
     line("phalanges", "Geometry", "3", str(phalanges), phalanges == 3)
     freedoms = degrees_of_freedom(found.finger)
     kind = KINDS[spec.linkage.kind]
-    asked, crank = kind.freedoms, "crank" if "crank" in kind.outlines else f"{kind.crank} phalanx"
-    line("degrees of freedom", "Geometry", str(asked), str(freedoms), freedoms == asked)
-    line("motors", "Hardware", "1", f"1, at the {crank} (by construction)", True)
+    line(
+        "degrees of freedom",
+        "Geometry",
+        str(kind.freedoms),
+        str(freedoms),
+        freedoms == kind.freedoms,
+    )
+    line("motors", "Hardware", "1", f"1, at the {kind.crank_title} (by construction)", True)
     host = camera_of(found.finger).phalanx
     line("cameras", "Hardware", "1", f"1, in the {host} phalanx (by construction)", True)
     parts = f"at least {percent_at_least(seen)} of each in every posture"

@@ -11,9 +11,7 @@ from designopt.export.json import Quantity
 from kinematics.export.drawing import linkage_quantities, make_linkage_drawing
 from optics.export.scene_drawing import HINGES, make_scene_drawing, scene_quantities
 from studies.models.designed import designed_linkage, designed_scene
-from studies.models.finger import Body, Finger
-from studies.models.linkage_kinds import SIX_BAR
-from studies.models.links import WALLS
+from studies.models.finger import PHALANGES, Body, Finger
 from studies.models.manufacture.plates import make_plates
 
 OUTLINE = "outline"
@@ -24,13 +22,13 @@ def make_finger_drawing(finger: Finger) -> Drawing:
     """The section of the straight finger, PIP axis at the origin, x towards the tip.
 
     Linkage, camera, mirrors and pads lie on the layers of their own drawings; hinges are pins of
-    the linkage. Where links of a six-bar have widths, every bar and side wall is a closed outline
-    with its holes on a layer of its own, and so is every mirror's glass. The faces and ends of the
-    finger are construction lines.
+    the linkage. Where links have widths, every bar and side wall is a closed outline with its holes
+    on a layer of its own, and so is every mirror's glass. The faces and ends of the finger are
+    construction lines.
     """
     links = make_linkage_drawing(designed_linkage(finger), pose=False)
     optics = make_scene_drawing(designed_scene(finger), pose=False)
-    if finger.links is not None and finger.links.kind is SIX_BAR:
+    if finger.links is not None:
         links = _with_outlines(links, finger)
     return Drawing(
         title=finger.name,
@@ -59,7 +57,9 @@ def _with_outlines(links: Drawing, finger: Finger) -> Drawing:
         outline = plate.outline
         polylines.append(Polyline(plate.name, outline.places, True, outline.bulges))
         circles += [Circle(plate.name, hole.name, hole.center, hole.radius) for hole in plate.holes]
-    names = {label.layer: f"{label.layer} wall" for label in links.labels if label.layer in WALLS}
+    names = {
+        label.layer: f"{label.layer} wall" for label in links.labels if label.layer in PHALANGES
+    }
     return links._replace(
         layers=[Layer(plate.name, "body") for plate in plates],
         polylines=polylines,

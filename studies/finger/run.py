@@ -40,7 +40,7 @@ from studies.models.grasp.figures import draw_sequences
 from studies.models.linkage_design.coupling.judging import CoupledVerdict
 from studies.models.linkage_design.figures import add_figures, draw_straight
 from studies.models.linkage_design.tables import add_tables
-from studies.models.linkage_kinds import KINDS, SIX_BAR
+from studies.models.linkage_kinds import KINDS
 from studies.models.manufacture.parts import make_assembly
 from studies.models.mirror_design.clearances import layer_outlines, mirror_outlines
 from studies.models.mirror_design.figures import draw_views, drawn_postures
@@ -79,13 +79,10 @@ def run(spec: FingerSpec, context: Context) -> Results:
     out.table("dimensions", dimensions(found.finger))
     add_requirements(out, found.mirrors, found.share, spec.mirrors)
     add_tables(out, spec.linkage.limits, found.linkage)
-    # Parts are made for the six-bar's walls and layers.
-    assembly = make_assembly(found.finger) if spec.linkage.kind == SIX_BAR.name else None
-    if assembly is not None:
-        out.table("bill", bill(assembly))
+    assembly = make_assembly(found.finger)
+    out.table("bill", bill(assembly))
     out.figure("drawing", draw_section(found.finger), most=4)
-    if assembly is not None:
-        out.figure("parts", draw_assembly(assembly))
+    out.figure("parts", draw_assembly(assembly))
     verdict = found.mirrors.verdict
     degrees = ", ".join(f"{verdict.degrees[i]:g}" for i in drawn_postures(verdict))
     out.figure("views", draw_views(found.mirrors.finger.scene(), verdict), degrees=degrees)

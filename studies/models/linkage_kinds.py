@@ -20,6 +20,7 @@ class LinkageKind:
         outlines: the pins at the corners of every bar.
         walls: the pins in the side walls of the phalanges.
         crank: the body that the motor turns.
+        shaft: the pin about which it turns.
         inputs: by what drives them, each its name, its body and the one relative to which it is.
         springs: pairs of bodies between which there is a spring, where the crank drives.
         layers: what lies in each layer by default, from the middle of the finger.
@@ -32,6 +33,7 @@ class LinkageKind:
     outlines: Mapping[str, str]
     walls: Mapping[str, str]
     crank: str
+    shaft: str
     inputs: Mapping[str, tuple[tuple[str, str, str], ...]]
     springs: tuple[tuple[str, str], ...]
     layers: tuple[tuple[str, ...], ...]
@@ -41,6 +43,11 @@ class LinkageKind:
     def freedoms(self) -> int:
         """Degrees of freedom."""
         return len(self.inputs["joints"])
+
+    @property
+    def crank_title(self) -> str:
+        """The body that the motor turns, in words."""
+        return self.crank if self.crank in self.outlines else f"{self.crank} phalanx"
 
 
 PARALLELOGRAM = {"driver": "MN", "coupler": "NK"}
@@ -61,6 +68,7 @@ SIX_BAR = LinkageKind(
     outlines={"crank": "FEK", "rod": "ED", "plate": "CDH", "bar": "GH", **PARALLELOGRAM},
     walls={"proximal": "AFM", "intermediate": "ABG", "distal": "BC"},
     crank="crank",
+    shaft="F",
     inputs={
         "joints": (("pip", "intermediate", "proximal"), ("dip", "distal", "intermediate")),
         "crank": (("theta", "crank", "world"), ("gamma", "plate", "distal")),
@@ -97,6 +105,7 @@ COUPLED = LinkageKind(
     outlines={"coupling": "PQ", **PARALLELOGRAM},
     walls={"proximal": "APM", "intermediate": "ABK", "distal": "BQ"},
     crank="intermediate",
+    shaft="A",
     inputs={
         "joints": (("pip", "intermediate", "proximal"),),
         "crank": (("theta", "intermediate", "world"),),

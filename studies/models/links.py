@@ -21,17 +21,8 @@ OUTLINES = {**SIX_BAR.outlines, **COUPLED.outlines}
 """Pins at the corners of every moving link of any kind of linkage; driver and coupler are those of
 the motor's parallelogram, without which there is no K. H is paper B's G'."""
 
-BARS = tuple(SIX_BAR.outlines)
-"""Moving links of a six-bar."""
-
-WALLS = SIX_BAR.walls
-"""The phalanges of a six-bar finger, by their side walls, and the pins in these."""
-
 AXLES = ("A", "B")
 """Pins that join two walls."""
-
-LAYERS = SIX_BAR.layers
-"""From the middle outwards."""
 
 THICKNESS = (11.6, 1.4, 1.2, 1.2, 1.2)
 """Of these layers, mm: half of the pads' width, LED strips on the acrylic's sides, bars, walls. No
@@ -55,7 +46,7 @@ class LinksTable(Spec):
     pin_strength: Strength = setting(450.0, "yield strength of pins and axles, A2-70 (N/mm²)")
     thickness: list[Length] = setting(list(THICKNESS), "of the layers, from the middle (mm)")
     layers: list[list[str]] = setting(
-        [list(parts) for parts in LAYERS], "what lies in each of them"
+        [list(parts) for parts in SIX_BAR.layers], "what lies in each of them"
     )
 
     @property

@@ -15,9 +15,10 @@ from designopt import UserError
 from kinematics.solve.poses import solve_poses
 from studies.finger.designing import degrees_of_freedom
 from studies.models.body import BodySpec
-from studies.models.finger import Body, Finger, FingerMotor, coupling_pins_of
-from studies.models.finger_file import format_finger, packaged_finger, parse_finger
-from studies.models.link_layers import Links
+from studies.models.finger import PHALANGES, Body, Finger, FingerMotor, coupling_pins_of, links_of
+from studies.models.finger_file import format_finger, packaged_finger, parse_finger, write_finger
+from studies.models.link_layers import Links, find_meetings
+from studies.models.linkage_design.clearances import find_clearances, find_face_meetings, name_of
 from studies.models.linkage_design.coupling.forces import find_loads, find_moment
 from studies.models.linkage_design.coupling.judging import judge_coupled
 from studies.models.linkage_design.coupling.postures import find_coupled_postures, with_motor_arm
@@ -26,9 +27,10 @@ from studies.models.linkage_design.coupling.searching import pip_angles, search_
 from studies.models.linkage_design.postures import find_postures
 from studies.models.linkage_design.spec import FingerLinkageSpec
 from studies.models.links import LinksTable
-from studies.models.manufacture.parts import make_assembly
 from studies.models.pins import CouplingPins
 from studies.models.spec_files import linkage_file
+from studies.oracles import clearances as oracle
+from tests.studies.fingers import coupled_finger
 
 PINS = CouplingPins(np.array([7.93, -2.13]), np.array([25.16, -6.3]))
 """Near the best ones of `BODY`."""
@@ -185,11 +187,6 @@ def test_linkage_file_is_solved_with_one_input():
     assert degrees_of_freedom(packaged_finger()) == 2
 
 
-def test_parts_are_refused():
-    with pytest.raises(UserError, match="derived for the six-bar linkage alone"):
-        make_assembly(coupled())
-
-
 def test_layers_follow_the_kind():
     assert "coupling" in LAYERS[2]
     with pytest.raises(ValueError, match=r"links\.layers are of a six-bar linkage"):
@@ -287,3 +284,29 @@ def test_problem_and_judgement_agree(designed):
         verdict.least_deg, abs=1e-9
     )
     assert min(float(jnp.min(part)) for part in terms.inequalities.values()) > -1e-9
+
+
+def test_oracle_has_the_same_curve_and_clearances(tmp_path):
+    """Polygons and circles that meet against the judgement's closed forms, posture by posture."""
+    finger = coupled_finger()
+    write_finger(finger, tmp_path / "finger.toml")
+    tables = tomllib.loads((tmp_path / "finger.toml").read_text(encoding="utf-8"))
+    curve = np.array(oracle.postures(tables, 7))
+    found = find_coupled_postures(finger, jnp.deg2rad(curve[:, 0]))
+    np.testing.assert_allclose(curve[:, 1], np.rad2deg(found.dip), atol=1e-9)
+    joined = {pin: {*bodies} for pin, bodies in finger.joined().items()}
+    assert joined == {pin: {*bodies} for pin, bodies in oracle.carriers(tables).items()}
+    meetings = find_meetings(links_of(finger), finger.joined()) + find_face_meetings(finger)
+    clear = find_clearances(finger, found.places, meetings)
+    known = {phalanx: f"palmar face of the {phalanx} phalanx" for phalanx in PHALANGES}
+    for number, (pip, dip) in enumerate(curve):
+        polygons = oracle.polygon_clearances(tmp_path / "finger.toml", degrees=([pip], [dip]))
+        assert polygons.assembled.all()
+        for one in meetings:
+            wanted = polygons.apart[one.first, known.get(one.second, one.second)]
+            own = clear[name_of(one)][number]
+            assert float(own) == pytest.approx(float(np.ravel(wanted)[0]), abs=1e-6)
+    assert len(meetings) == 10
+    # Where the bar would be longer or shorter there is no such posture.
+    off = oracle.polygon_clearances(tmp_path / "finger.toml", degrees=([30.0], [60.0]))
+    assert not off.assembled.any()

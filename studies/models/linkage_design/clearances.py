@@ -26,7 +26,6 @@ from kinematics.solve.clearance import find_separation
 from studies.models.finger import Body, Finger, links_of
 from studies.models.link_layers import Meeting, find_meetings
 from studies.models.linkage_design.postures import Postures
-from studies.models.linkage_kinds import SIX_BAR
 from studies.models.links import AXLES, OUTLINES
 from studies.models.pins import pin_name
 
@@ -35,9 +34,6 @@ FACES = {"proximal": "OA", "intermediate": "AB", "distal": "BT"}
 
 BESIDE = {"rod": "A", "plate": "B", "coupling": ""}
 """Bars with pins beside both phalanges of a joint, and its axle; of one beside both joints none."""
-
-HOSTS = SIX_BAR.hosts
-"""The phalanx beside which a pin of the six-bar lies, in whose frame it is looked at."""
 
 
 def name_of(meeting: Meeting) -> str:

@@ -21,7 +21,6 @@ from designopt.vectors import Vector, rotation, vector
 from studies.models.finger import Body, Finger, linkage_pins, links_of, pins_of, spring_of
 from studies.models.link_layers import Meeting
 from studies.models.linkage_design.clearances import (
-    HOSTS,
     clearances_at,
     faces_of,
     find_free_meetings,
@@ -264,7 +263,7 @@ def inequalities(
         "|EF|": (limits.crank_length - allowance - vector(pins.E - pins.F).length()) / LENGTH,
     }
     for name in pins.names:
-        for side, distance in faces_of(places[name], HOSTS[name], body).items():
+        for side, distance in faces_of(places[name], SIX_BAR.hosts[name], body).items():
             found[f"pin {pin_name(name)} inside the {side}"] = (distance - keep) / LENGTH
     if limits.force_ratio is not None:
         bound = limits.force_ratio * (1 - turned)
@@ -338,7 +337,7 @@ def _requirements(
     dip_deg: Float[np.ndarray, " dip"],
 ) -> dict[str, Requirement]:
     lengths = ["assembly of B-C-G'-G", "assembly of A-D-E-F", "|AF|", "|EF|"]
-    for name in HOSTS:
+    for name in SIX_BAR.hosts:
         for side in ("palmar face", "dorsal face", "rear end", "tip"):
             lengths.append(f"pin {pin_name(name)} inside the {side}")
     lengths += map(name_of, find_free_meetings(finger))
