@@ -12,7 +12,8 @@ from designopt.io.spec import SpecFile
 from kinematics.explore.bench import LinkageBench
 from optics.explore.scene_bench import SceneBench
 from studies.models.designed import designed_linkage, designed_scene
-from studies.models.finger import PHALANGES, Finger
+from studies.models.finger import Finger
+from studies.models.finger_parts import PHALANGES
 from studies.models.mirror_design.spec import FLOOR
 
 if TYPE_CHECKING:

@@ -17,7 +17,8 @@ from kinematics.io.sketch import parse_sketch
 from kinematics.io.sketch_geometry import measure_sketch
 from studies.finger import FingerSpec
 from studies.models.checks import Check
-from studies.models.finger import PHALANGES, Finger, camera_of
+from studies.models.finger import Finger, camera_of
+from studies.models.finger_parts import PHALANGES
 from studies.models.grasp.analysis import Analysis, GraspCheck, analyze, summary
 from studies.models.grasp.spec import GraspSpec
 from studies.models.linkage_design.analysis import LinkageDesign, design_linkage, design_nearby

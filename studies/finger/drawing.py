@@ -11,7 +11,8 @@ from designopt.export.json import Quantity
 from kinematics.export.drawing import linkage_quantities, make_linkage_drawing
 from optics.export.scene_drawing import HINGES, make_scene_drawing, scene_quantities
 from studies.models.designed import designed_linkage, designed_scene
-from studies.models.finger import PHALANGES, Body, Finger
+from studies.models.finger import Finger
+from studies.models.finger_parts import PHALANGES, Body
 from studies.models.manufacture.plates import make_plates
 
 OUTLINE = "outline"

@@ -28,14 +28,9 @@ from studies.finger.advice import Advice, advice_rows, advise
 from studies.finger.bench import FingerBench
 from studies.finger.designing import Designer, FingerDesign, requirements
 from studies.finger.kind import FINGER
-from studies.models.finger import (
-    AXES,
-    PHALANGES,
-    Finger,
-    FingerSpring,
-    camera_of,
-)
+from studies.models.finger import Finger, camera_of
 from studies.models.finger_file import packaged_or_designed, read_finger
+from studies.models.finger_parts import AXES, PHALANGES, FingerSpring
 from studies.models.grasp.figures import draw_sequences
 from studies.models.linkage_design.coupling.judging import CoupledVerdict
 from studies.models.linkage_design.figures import add_figures, draw_straight

@@ -32,10 +32,10 @@ from optics.scene.file import CameraTable as LensTable
 from optics.scene.reading import build_camera
 from optics.scene.writer import camera_table
 from studies.models.body import BodyTable
-from studies.models.finger import (
+from studies.models.finger import Finger
+from studies.models.finger_parts import (
     MOUNT,
     Body,
-    Finger,
     FingerCamera,
     FingerMirror,
     FingerMotor,

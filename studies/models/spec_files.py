@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from designopt import SpecFile, format_toml
 from optics.scene.writer import scene_tables
-from studies.models.finger import Finger, linkage_pins
+from studies.models.finger import Finger
 from studies.models.finger_file import format_finger
 
 
 def linkage_file(finger: Finger) -> SpecFile:
     """The file of the linkage, driven at its joints."""
-    dip = " --sweep dip=0" if linkage_pins(finger).kind.freedoms > 1 else ""
+    dip = " --sweep dip=0" if finger.kind.freedoms > 1 else ""
     text = format_toml(
         finger.linkage_tables(),
         "The finger's linkage, driven at its joints; flexion is negative.\n"
@@ -34,7 +34,7 @@ def finger_files(finger: Finger) -> list[SpecFile]:
     first = SpecFile(
         "finger.toml", "every dimension, for `designopt explore`", format_finger(finger)
     )
-    if linkage_pins(finger).kind.freedoms == 1:  # whichever body is driven, it is the same file
+    if finger.kind.freedoms == 1:  # whichever body is driven, it is the same file
         return [first, linkage_file(finger), scene_file(finger)]
     by_crank = format_toml(
         finger.linkage_tables("crank"),

@@ -15,8 +15,9 @@ from designopt import UserError
 from kinematics.solve.poses import solve_poses
 from studies.finger.designing import degrees_of_freedom
 from studies.models.body import BodySpec
-from studies.models.finger import PHALANGES, Body, Finger, FingerMotor, coupling_pins_of, links_of
+from studies.models.finger import Finger, coupling_pins_of, links_of
 from studies.models.finger_file import format_finger, packaged_finger, parse_finger, write_finger
+from studies.models.finger_parts import PHALANGES, Body, FingerMotor
 from studies.models.link_layers import Links, find_meetings
 from studies.models.linkage_design.clearances import find_clearances, find_face_meetings, name_of
 from studies.models.linkage_design.coupling.forces import find_loads, find_moment

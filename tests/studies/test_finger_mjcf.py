@@ -26,8 +26,9 @@ from designopt.errors import UserError
 from studies.finger import FingerSpec
 from studies.finger.run import finger_design, spring_from
 from studies.models import Finger
-from studies.models.finger import PHALANGES, links_of, pins_of
+from studies.models.finger import links_of, pins_of
 from studies.models.finger_file import bare_finger
+from studies.models.finger_parts import PHALANGES
 from studies.models.grasp import cases
 from studies.models.grasp.analysis import analyze
 from studies.models.grasp.closing import Path, close_all, there_and_back

@@ -17,8 +17,8 @@ from designopt import UserError
 from designopt.export.drawing import Polyline
 from designopt.export.parts import Part, Prism, around
 from studies.finger.drawing import make_finger_drawing
-from studies.models.finger import FingerMirror
 from studies.models.finger_file import write_finger
+from studies.models.finger_parts import FingerMirror
 from studies.models.linkage_kinds import KINDS
 from studies.models.manufacture.parts import make_assembly, make_parts
 from studies.models.manufacture.plates import make_plates

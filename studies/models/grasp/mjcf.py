@@ -14,7 +14,8 @@ import numpy as np
 
 from kinematics.export.mjcf import Stop, linkage_mjcf
 from kinematics.export.mjcf_bodies import Disc, Pad, PinholeCamera, Volume
-from studies.models.finger import PHALANGES, Finger, camera_of, linkage_pins, spring_of
+from studies.models.finger import Finger, camera_of, spring_of
+from studies.models.finger_parts import PHALANGES
 from studies.models.grasp.objects import Circle
 from studies.models.linkage_design.problem import pin_places
 
@@ -93,7 +94,7 @@ def grasp_mjcf(finger: Finger, thing: Circle | None = None) -> str:
     Raises:
         UserError: the finger has no pins, or no spring that its linkage needs.
     """
-    kind = linkage_pins(finger).kind
+    kind = finger.kind
     motors = {MOTOR: float(spring_of(finger).servo)} if kind.springs else None
     joints = zip(kind.inputs["joints"], map(float, finger.body.flexions), strict=False)
     ends = dict(zip(PHALANGES, np.asarray(finger.pads(), float).tolist(), strict=True))

@@ -18,7 +18,8 @@ from jaxtyping import Array, Float
 from designopt.io.spec import Spec
 from designopt.optimize import Evaluation, Problem, Requirement
 from designopt.vectors import Vector, rotation, vector
-from studies.models.finger import Body, Finger, linkage_pins, links_of, pins_of, spring_of
+from studies.models.finger import Finger, linkage_pins, links_of, pins_of, spring_of
+from studies.models.finger_parts import Body
 from studies.models.link_layers import Meeting
 from studies.models.linkage_design.clearances import (
     clearances_at,
@@ -81,7 +82,7 @@ def pairs_on_links(pins: str, kind: LinkageKind = SIX_BAR) -> list[tuple[str, st
 
 def pins_on_links(finger: Finger) -> dict[str, str]:
     """The pins on every link that the finger has."""
-    there, links = pin_places(finger), on_links(linkage_pins(finger).kind)
+    there, links = pin_places(finger), on_links(finger.kind)
     pins = {link: "".join(pin for pin in on if pin in there) for link, on in links.items()}
     return {link: on for link, on in pins.items() if len(on) > 1}
 

@@ -32,7 +32,8 @@ from designopt.optimize import (
     select_starts,
 )
 from designopt.vectors import rotation
-from studies.models.finger import Body, Finger, FingerMotor, FingerSpring, pins_of
+from studies.models.finger import Finger, pins_of
+from studies.models.finger_parts import Body, FingerMotor, FingerSpring
 from studies.models.link_layers import Links, Meeting
 from studies.models.linkage_design.clearances import clearances_at, find_free_meetings, name_of
 from studies.models.linkage_design.judging import STEP_DEG

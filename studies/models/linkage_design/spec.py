@@ -10,7 +10,7 @@ from designopt.io.spec import Spec
 from designopt.study.settings import setting
 from studies.models.body import BodySpec
 from studies.models.body import Length as Positive
-from studies.models.linkage_kinds import COUPLED, KindName
+from studies.models.linkage_kinds import KINDS, KindName
 from studies.models.links import LinksTable
 
 DECIDING = {"kind", "body", "limits", "links", "motor", "search"}
@@ -122,13 +122,14 @@ class LinkageSpec(Spec):
     @classmethod
     def _layers_by_kind(cls, data: Any) -> Any:
         """Layers that are not given are those of the kind of linkage."""
-        if not isinstance(data, dict) or data.get("kind") != COUPLED.name:
+        if not isinstance(data, dict):
             return data
         links = data.get("links", {})
-        if isinstance(links, dict) and "layers" not in links:
-            layers = [list(parts) for parts in COUPLED.layers]
-            return data | {"links": links | {"layers": layers}}
-        return data
+        kinds = [kind for kind in KINDS.values() if kind.name == data.get("kind")]
+        if not kinds or not isinstance(links, dict) or "layers" in links:
+            return data
+        layers = [list(parts) for parts in kinds[0].layers]
+        return data | {"links": links | {"layers": layers}}
 
     @model_validator(mode="after")
     def _links_of_the_kind(self) -> LinkageSpec:

@@ -64,7 +64,7 @@ def pins(finger: Finger) -> Records:
 def lengths(finger: Finger) -> Records:
     """Distances of the pins on every link."""
     at, found = pin_places(finger), Records()
-    pairs = pairs_on_links(linkage_pins(finger).names, linkage_pins(finger).kind)
+    pairs = pairs_on_links(linkage_pins(finger).names, finger.kind)
     for link, names in pins_on_links(finger).items():
         for first, second in pairs:
             if first in names and second in names:

@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from designopt.export.parts import Assembly, BillRow, Outline, Part, Span, circle, polygon
-from studies.models.finger import PHALANGES, Finger, camera_of, links_of
+from studies.models.finger import Finger, camera_of, links_of
+from studies.models.finger_parts import PHALANGES
 from studies.models.links import AXLES
 from studies.models.manufacture.phalanges import (
     camera_half_width,

@@ -16,7 +16,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from designopt.export.parts import Outline, Part, Prism, around, circle, polygon, wrapped
-from studies.models.finger import AXES, OUTWARD, Finger, FingerMirror, Phalanx, camera_of
+from studies.models.finger import Finger, camera_of
+from studies.models.finger_parts import AXES, OUTWARD, FingerMirror, Phalanx
 from studies.models.links import AXLES
 from studies.models.manufacture.section import (
     ACROSS,

@@ -12,7 +12,8 @@ from jaxtyping import ArrayLike
 
 from designopt.numerics import safe_divide
 from designopt.vectors import Vector, rotation
-from studies.models.finger import Body, Finger
+from studies.models.finger import Finger
+from studies.models.finger_parts import Body
 from studies.models.linkage_design.coupling.postures import (
     CoupledPostures,
     Row,

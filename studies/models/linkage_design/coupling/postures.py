@@ -56,7 +56,7 @@ def find_coupled_postures(finger: Finger, pip: Row) -> CoupledPostures:
 
     Example:
         >>> from studies.models.body import BodySpec
-        >>> from studies.models.finger import Body
+        >>> from studies.models.finger_parts import Body
         >>> from studies.models.pins import CouplingPins
         >>> pins = CouplingPins(jnp.array([7.9, -2.1]), jnp.array([25.2, -6.3]))
         >>> finger = Finger.of(Body.of(BodySpec(axis_height=10.0)), pins)

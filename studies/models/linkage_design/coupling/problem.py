@@ -89,7 +89,7 @@ def coupling_problem(
     blank = replace(finger, pins=None, spring=None, camera=None, mirrors=(), layers=None)
     blank = replace(blank, assembly=None)
     asked = Asked(blank, limits, motor, jnp.asarray(allowance), jnp.asarray(pip))
-    meetings = tuple(find_free_meetings(_some(finger, motor)))
+    meetings = tuple(find_free_meetings(finger))
     low, high = body.palmar + keep, body.dorsal - keep
     rear, tip = keep - body.proximal, body.intermediate + body.distal - keep
     middle = body.intermediate
@@ -111,12 +111,6 @@ def coupling_problem(
         parameters,
         (jax.tree.map(jnp.asarray, asked),),
     )
-
-
-def _some(finger: Finger, motor: MotorSpec) -> Finger:
-    """With pins anywhere: which bodies they join does not depend on where they are."""
-    there = replace(finger, pins=CouplingPins(jnp.zeros(2), jnp.ones(2)))
-    return with_motor_arm(there, motor.arm)
 
 
 @functools.cache

@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from designopt.optimize import make_epigraph_starts, select_starts
-from studies.models.finger import Body, coupling_pins_of
+from studies.models.finger import coupling_pins_of
+from studies.models.finger_parts import Body
 from studies.models.linkage_design.coupling.postures import with_motor_arm
 from studies.models.linkage_design.coupling.problem import coupling_problem
 from studies.models.linkage_design.judging import STEP_DEG
