@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from designopt import UserError
 from designopt.batching import side_by_side
 from designopt.study.records import Records
 from designopt.study.study import Context
@@ -103,6 +104,26 @@ class Designer:
                 linkage = design_linkage(spec.linkage_spec(), self.context.seed, near)
             self._linkages[key] = linkage
         return self._linkages[key]
+
+    def require_room(self, spec: FingerSpec) -> None:
+        """Look for a coupling bar before all else: where there is no room, the finger is none.
+
+        Raises:
+            UserError: the best bar runs through an axle or a face.
+        """
+        if "coupling" not in KINDS[spec.linkage.kind].outlines:
+            return
+        checks = self.linkage(spec).verdict.checks
+        between = [check for check in checks if check.name.startswith("coupling from ")]
+        worst = min(between, key=lambda check: check.achieved)
+        if worst.achieved < 0:
+            other = worst.name.removeprefix("coupling from ")
+            raise UserError(
+                f"finger: there is no room for a coupling bar P-Q: the best one runs "
+                f"{-worst.achieved:.2g} mm into {other}; raise body.axis_height from "
+                f"{spec.body.axis_height:g} mm (9.5 with linkage.motor.arm=11 fits the other "
+                "default settings)"
+            )
 
     def mirrors(self, spec: FingerSpec, finger: Finger) -> tuple[MirrorDesign, Yield]:
         """Camera and mirrors in a finger's body, and their yield."""

@@ -58,11 +58,12 @@ def run(spec: FingerSpec, context: Context) -> Results:
     """Design a finger for its requirements, and check line by line which of them it meets.
 
     Raises:
-        UserError: another float type than float64.
+        UserError: another float type than float64, or no room for a coupling bar.
     """
     context.require_float64("finger solves its requirements to 1e-8")
     out = Report(spec, words_of(*WORDS))
     designer = Designer(context)
+    designer.require_room(spec)
     found = designer.finger(spec)
     lines = requirements(spec, found)
     add_metrics(out, found, lines)
@@ -104,11 +105,13 @@ def finger_design(spec: FingerSpec, folder: Path | None) -> Finger:
             body, linkage and mirrors.
 
     Raises:
-        UserError: the folder lacks its files, or they have been spoilt.
+        UserError: the folder lacks its files, or they have been spoilt; no room for a coupling bar.
     """
 
     def designed(context: Context) -> Finger:
-        _, mirrors, _ = Designer(context).parts(spec)
+        designer = Designer(context)
+        designer.require_room(spec)
+        _, mirrors, _ = designer.parts(spec)
         return mirrors.finger
 
     known = folder is not None

@@ -2,6 +2,7 @@
 
 import cmath
 import math
+import re
 import tomllib
 from dataclasses import replace
 
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.optimize import differential_evolution
 
-from designopt import UserError
+from designopt import UserError, cli
 from kinematics.solve.poses import solve_poses
 from studies.finger.designing import degrees_of_freedom
 from studies.models.body import BodySpec
@@ -311,3 +312,19 @@ def test_oracle_has_the_same_curve_and_clearances(tmp_path):
     # Where the bar would be longer or shorter there is no such posture.
     off = oracle.polygon_clearances(tmp_path / "finger.toml", degrees=([30.0], [60.0]))
     assert not off.assembled.any()
+
+
+def test_without_room_the_study_names_the_cure(capsys, tmp_path):
+    quick = ("linkage.search.starts=4", "linkage.search.among=2048", "linkage.draws=10")
+    for command in ("run", "export"):
+        words = [command, "finger", "--out", str(tmp_path / command)]
+        words += ["--to", "bom"] if command == "export" else []
+        for one in ("linkage.kind=coupled", *quick):
+            words += ["--set", one]
+        assert cli.run(words) == 2
+        error = capsys.readouterr().err
+        assert re.search(
+            r"no room for a coupling bar P-Q: the best one runs [\d.]+ mm into the", error
+        )
+        assert "raise body.axis_height from 4 mm (9.5 with linkage.motor.arm=11" in error
+        assert not (tmp_path / command).exists()

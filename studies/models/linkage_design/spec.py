@@ -106,7 +106,8 @@ class LinkageSpec(Spec):
 
     kind: KindName = setting(
         "six-bar",
-        "paper B's underactuated 'six-bar', or 'coupled': one bar makes DIP follow PIP",
+        "paper B's underactuated 'six-bar', or 'coupled': one bar makes DIP follow PIP, which "
+        "needs higher axes and a shorter arm, such as body.axis_height 9.5 and motor.arm 11",
         free=True,
     )
     limits: LimitsSpec = setting(LimitsSpec(), "what every posture must leave", free=True)
