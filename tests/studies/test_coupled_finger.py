@@ -191,10 +191,14 @@ def test_linkage_file_is_solved_with_one_input():
 
 def test_layers_follow_the_kind():
     assert "coupling" in LAYERS[2]
+    usual = FingerLinkageSpec().links.layers
+    # As in a file of settings in which the kind was changed.
+    changed = FingerLinkageSpec.model_validate(SETTINGS | {"links": {"layers": usual}})
+    assert changed.links.layers == LAYERS
     with pytest.raises(ValueError, match=r"links\.layers are of a six-bar linkage"):
-        FingerLinkageSpec.model_validate(
-            SETTINGS | {"links": {"layers": FingerLinkageSpec().links.layers}}
-        )
+        FingerLinkageSpec.model_validate(SETTINGS | {"links": {"layers": usual[::-1]}})
+    reverse = SETTINGS | {"links": {"layers": LAYERS[::-1]}}
+    assert FingerLinkageSpec.model_validate(reverse).links.layers == LAYERS[::-1]
 
 
 @pytest.fixture(scope="module")

@@ -122,22 +122,27 @@ class LinkageSpec(Spec):
     @model_validator(mode="before")
     @classmethod
     def _layers_by_kind(cls, data: Any) -> Any:
-        """Layers that are not given are those of the kind of linkage."""
+        """Layers are those of the kind of linkage where none or the usual ones are given.
+
+        The usual ones of another kind are in files whose kind was changed and nothing else.
+        """
         if not isinstance(data, dict):
             return data
         links = data.get("links", {})
-        kinds = [kind for kind in KINDS.values() if kind.name == data.get("kind")]
-        if not kinds or not isinstance(links, dict) or "layers" in links:
+        usual = {kind.name: [list(parts) for parts in kind.layers] for kind in KINDS.values()}
+        own = [layers for name, layers in usual.items() if name == data.get("kind")]
+        if not own or not isinstance(links, dict):
             return data
-        layers = [list(parts) for parts in kinds[0].layers]
-        return data | {"links": links | {"layers": layers}}
+        if links.get("layers") not in (None, *usual.values()):
+            return data
+        return data | {"links": links | {"layers": own[0]}}
 
     @model_validator(mode="after")
     def _links_of_the_kind(self) -> LinkageSpec:
         if self.links.kind.name != self.kind:
             raise ValueError(
                 f"links.layers are of a {self.links.kind.name} linkage and kind is {self.kind}: "
-                "give both or neither"
+                "correct 'layers', or leave them out"
             )
         return self
 
