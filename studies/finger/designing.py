@@ -299,15 +299,9 @@ def requirements(spec: FingerSpec, found: FingerDesign) -> Records:
 
     phalanges = len(set(PHALANGES) & set(found.finger.linkage_tables()["bodies"]))
     line("phalanges", "Geometry", "3", str(phalanges), phalanges == 3)
-    freedoms = degrees_of_freedom(found.finger)
-    kind = KINDS[spec.linkage.kind]
-    line(
-        "degrees of freedom",
-        "Geometry",
-        str(kind.freedoms),
-        str(freedoms),
-        freedoms == kind.freedoms,
-    )
+    kind, freedoms = found.finger.kind, degrees_of_freedom(found.finger)
+    met = freedoms == kind.freedoms
+    line("degrees of freedom", "Geometry", str(kind.freedoms), str(freedoms), met)
     line("motors", "Hardware", "1", f"1, at the {kind.crank_title} (by construction)", True)
     host = camera_of(found.finger).phalanx
     line("cameras", "Hardware", "1", f"1, in the {host} phalanx (by construction)", True)
