@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from designopt.errors import UserError
 from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
 from designopt.io.spec import SpecFile
 from kinematics.explore.bench import LinkageBench
+from kinematics.model.linkage import Linkage
+from kinematics.solve.poses import solve_poses
 from optics.explore.scene_bench import SceneBench
 from studies.models.designed import designed_linkage, designed_scene
-from studies.models.finger import PHALANGES, Finger
+from studies.models.finger import Finger
+from studies.models.finger_parts import PHALANGES
 from studies.models.mirror_design.spec import FLOOR
 
 if TYPE_CHECKING:
@@ -31,7 +39,8 @@ SIDE = "linkage: "
 class FingerBench(Bench):
     """Linkage and scene of one finger, turned by the same joint angles; flexion is positive.
 
-    The lengths of the phalanges have no knobs: they are the body's, which both share.
+    The lengths of the phalanges have no knobs: they are the body's, which both share. Nor has DIP
+    where a coupling bar makes it follow.
     """
 
     def __init__(self, finger: Finger, floor: float = FLOOR) -> None:
@@ -59,10 +68,12 @@ class FingerBench(Bench):
         )
         self._shown: dict[Bench, tuple[object, Shown]] = {}
         self._joints = tuple(knob.name for knob in joints)
+        driven = linkage.linkage.input_names
+        self._follows = len(driven) < len(joints)
         self.title = finger.name
         others = [*self._linkage.knobs, *self._scene.knobs]
         self.knobs: tuple[Knob, ...] = (
-            *joints,
+            *(knob for knob in joints if knob.name in driven),
             *(knob for knob in others if knob.kind == "dimension"),
         )
         aims = (("linkage first", self._linkage.aim), ("then camera and mirrors", self._scene.aim))
@@ -78,6 +89,7 @@ class FingerBench(Bench):
 
     def show(self, values: Values) -> Shown:
         """Both in one pose."""
+        values = self._posed(values)
         linkage = self._side(self._linkage, values)
         scene = self._side(self._scene, values)
         readings = [
@@ -106,7 +118,7 @@ class FingerBench(Bench):
         """The linkage file, of the straight finger, and the scene file."""
         straight = {**values, **dict.fromkeys(self._joints, 0.0)}
         linkage = self._linkage.specs(_own(self._linkage, straight))
-        return [*linkage, *self._scene.specs(values)]
+        return [*linkage, *self._scene.specs(self._posed(values))]
 
     def optimise(self, values: Values) -> Iterator[Step]:
         """The linkage's steps, then those of camera and mirrors.
@@ -115,16 +127,34 @@ class FingerBench(Bench):
             UserError: neither of them can be improved from here, and why.
         """
         faults = []
+        own = {knob.name for knob in self.knobs}
         for part, bench in (("linkage", self._linkage), ("camera and mirrors", self._scene)):
             try:
-                for step in bench.optimise(_own(bench, values)):
-                    values = {**values, **step.values}
+                for step in bench.optimise(_own(bench, self._posed(values))):
+                    found = {name: step.values[name] for name in own & {*step.values}}
+                    values = {**values, **found}
                     yield Step(values, f"{part}: {step.message}")
             except UserError as error:
                 faults.append(f"{part}: {error}")
                 if len(faults) > 1:
                     raise UserError("; ".join(faults)) from error
                 yield Step(values, faults[0])
+
+    def _posed(self, values: Values) -> Values:
+        """The values with DIP where the linkage holds it; straight where it has no pose."""
+        if not self._follows:
+            return values
+        pip = -math.radians(values["pip"])
+        bent, ok = _find_dip(self._linkage.linkage(values), jnp.array([pip]))
+        return {**values, "dip": math.degrees(float(bent)) if bool(ok) else 0.0}
+
+
+@jax.jit
+def _find_dip(linkage: Linkage, inputs: Float[Array, "1"]) -> tuple[Array, Array]:
+    """Flexion of DIP, rad, and whether there is such a pose."""
+    pose = solve_poses(linkage, inputs)
+    turns = pose.value.bodies
+    return -turns["distal"].turned(turns["intermediate"].conjugate()).angle(), pose.ok
 
 
 def _own(bench: Bench, values: Values) -> dict[str, float]:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from designopt import UserError
 from designopt.batching import side_by_side
 from designopt.study.records import Records
 from designopt.study.study import Context
@@ -17,11 +18,15 @@ from kinematics.io.sketch import parse_sketch
 from kinematics.io.sketch_geometry import measure_sketch
 from studies.finger import FingerSpec
 from studies.models.checks import Check
-from studies.models.finger import PHALANGES, Finger, camera_of
+from studies.models.finger import Finger, camera_of
+from studies.models.finger_parts import PHALANGES
 from studies.models.grasp.analysis import Analysis, GraspCheck, analyze, summary
 from studies.models.grasp.spec import GraspSpec
-from studies.models.linkage_design.analysis import LinkageDesign, design_linkage, judged_design
-from studies.models.linkage_design.searching import blank_finger, search_on
+from studies.models.linkage_design.analysis import LinkageDesign, design_linkage, design_nearby
+from studies.models.linkage_design.coupling.judging import DIP_ERROR, CoupledVerdict
+from studies.models.linkage_design.problem import TIP
+from studies.models.linkage_design.searching import blank_finger
+from studies.models.linkage_kinds import KINDS
 from studies.models.mirror_design.design import MirrorDesign, design_mirrors, first_placements
 from studies.models.mirror_design.judging import percent_at_least
 from studies.models.mirror_design.placement import Placement
@@ -62,7 +67,8 @@ class FingerDesign(NamedTuple):
         mirrors: its camera and mirrors.
         share: part of the fingers with errors of assembly that show everything.
         closings: how it closes; ``None`` where its linkage does not assemble in every posture,
-            for then there is no closing to compute.
+            for then there is no closing to compute, and of a coupled finger, whose closing is one
+            curve.
         grasp: what these come to.
     """
 
@@ -98,6 +104,26 @@ class Designer:
                 linkage = design_linkage(spec.linkage_spec(), self.context.seed, near)
             self._linkages[key] = linkage
         return self._linkages[key]
+
+    def require_room(self, spec: FingerSpec) -> None:
+        """Look for a coupling bar before all else: where there is no room, the finger is none.
+
+        Raises:
+            UserError: the best bar runs through an axle or a face.
+        """
+        if "coupling" not in KINDS[spec.linkage.kind].outlines:
+            return
+        checks = self.linkage(spec).verdict.checks
+        between = [check for check in checks if check.name.startswith("coupling from ")]
+        worst = min(between, key=lambda check: check.achieved)
+        if worst.achieved < 0:
+            other = worst.name.removeprefix("coupling from ")
+            raise UserError(
+                f"finger: there is no room for a coupling bar P-Q: the best one runs "
+                f"{-worst.achieved:.2g} mm into {other}; raise body.axis_height from "
+                f"{spec.body.axis_height:g} mm (9.5 with linkage.motor.arm=11 fits the other "
+                "default settings)"
+            )
 
     def mirrors(self, spec: FingerSpec, finger: Finger) -> tuple[MirrorDesign, Yield]:
         """Camera and mirrors in a finger's body, and their yield."""
@@ -139,7 +165,7 @@ class Designer:
         """Linkage, mirrors and grasp of a finger for its requirements."""
         linkage, mirrors, share = self.parts(spec)
         finger = mirrors.finger
-        if not linkage.verdict.assembles:
+        if isinstance(linkage.verdict, CoupledVerdict) or not linkage.verdict.assembles:
             return FingerDesign(finger, linkage, mirrors, share, None, None)
         body = spec.body
         settings = GraspSpec(
@@ -189,7 +215,7 @@ class Designer:
         if own == start.linkage_spec():
             return known
         with self.context.step("Linkage nearby"):
-            return judged_design(own, search_on(own, known.search), self.context.seed)
+            return design_nearby(own, known.search, self.context.seed)
 
     def mirrors_from(
         self, spec: FingerSpec, start: FingerSpec, known: tuple[MirrorDesign, Yield]
@@ -273,9 +299,10 @@ def requirements(spec: FingerSpec, found: FingerDesign) -> Records:
 
     phalanges = len(set(PHALANGES) & set(found.finger.linkage_tables()["bodies"]))
     line("phalanges", "Geometry", "3", str(phalanges), phalanges == 3)
-    freedoms = degrees_of_freedom(found.finger)
-    line("degrees of freedom", "Geometry", "2", str(freedoms), freedoms == 2)
-    line("motors", "Hardware", "1", "1, at the crank (by construction)", True)
+    kind, freedoms = found.finger.kind, degrees_of_freedom(found.finger)
+    met = freedoms == kind.freedoms
+    line("degrees of freedom", "Geometry", str(kind.freedoms), str(freedoms), met)
+    line("motors", "Hardware", "1", f"1, at the {kind.crank_title} (by construction)", True)
     host = camera_of(found.finger).phalanx
     line("cameras", "Hardware", "1", f"1, in the {host} phalanx (by construction)", True)
     parts = f"at least {percent_at_least(seen)} of each in every posture"
@@ -308,6 +335,14 @@ def requirements(spec: FingerSpec, found: FingerDesign) -> Records:
     name = "links inside the phalanges, apart, away from lock-up"
     amounts = [f"{one.name} {one.achieved:.4g} {one.unit}".strip() for one in unmet]
     line(name, "§3.1.2", "every limit kept", "; ".join(amounts) or "every limit kept", not unmet)
+    if isinstance(linkage, CoupledVerdict):
+        off = linkage.check(DIP_ERROR)
+        asked = f"{dip:g}° ± {off.required:g}°"
+        reached = f"{linkage.dip_deg[-1]:.1f}°, {linkage.dip_deg[-1] / pip:.2f} of PIP's"
+        line("DIP where PIP is at its end", "this project", asked, reached, off.met)
+        force = linkage.check(TIP)
+        name = "force at the tip of the distal pad, with the motor's moment"
+        line(name, "this project", *in_words(force), force.met)
     if found.grasp is not None:
         straight, touching = found.grasp.free_closing_pip_deg, found.grasp.adaptive_dip_deg
         name, asked = "pinch: DIP stays straight while PIP closes freely", end - SHORT_DEG

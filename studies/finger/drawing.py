@@ -11,8 +11,8 @@ from designopt.export.json import Quantity
 from kinematics.export.drawing import linkage_quantities, make_linkage_drawing
 from optics.export.scene_drawing import HINGES, make_scene_drawing, scene_quantities
 from studies.models.designed import designed_linkage, designed_scene
-from studies.models.finger import Body, Finger
-from studies.models.links import WALLS
+from studies.models.finger import Finger
+from studies.models.finger_parts import PHALANGES, Body
 from studies.models.manufacture.plates import make_plates
 
 OUTLINE = "outline"
@@ -58,7 +58,9 @@ def _with_outlines(links: Drawing, finger: Finger) -> Drawing:
         outline = plate.outline
         polylines.append(Polyline(plate.name, outline.places, True, outline.bulges))
         circles += [Circle(plate.name, hole.name, hole.center, hole.radius) for hole in plate.holes]
-    names = {label.layer: f"{label.layer} wall" for label in links.labels if label.layer in WALLS}
+    names = {
+        label.layer: f"{label.layer} wall" for label in links.labels if label.layer in PHALANGES
+    }
     return links._replace(
         layers=[Layer(plate.name, "body") for plate in plates],
         polylines=polylines,

@@ -28,18 +28,14 @@ from studies.finger.advice import Advice, advice_rows, advise
 from studies.finger.bench import FingerBench
 from studies.finger.designing import Designer, FingerDesign, requirements
 from studies.finger.kind import FINGER
-from studies.models.finger import (
-    AXES,
-    PHALANGES,
-    Finger,
-    FingerSpring,
-    camera_of,
-    spring_of,
-)
+from studies.models.finger import Finger, camera_of
 from studies.models.finger_file import packaged_or_designed, read_finger
+from studies.models.finger_parts import AXES, PHALANGES, FingerSpring
 from studies.models.grasp.figures import draw_sequences
+from studies.models.linkage_design.coupling.judging import CoupledVerdict
 from studies.models.linkage_design.figures import add_figures, draw_straight
 from studies.models.linkage_design.tables import add_tables
+from studies.models.linkage_kinds import KINDS
 from studies.models.manufacture.parts import make_assembly
 from studies.models.mirror_design.clearances import layer_outlines, mirror_outlines
 from studies.models.mirror_design.figures import draw_views, drawn_postures
@@ -62,11 +58,12 @@ def run(spec: FingerSpec, context: Context) -> Results:
     """Design a finger for its requirements, and check line by line which of them it meets.
 
     Raises:
-        UserError: another float type than float64.
+        UserError: another float type than float64, or no room for a coupling bar.
     """
     context.require_float64("finger solves its requirements to 1e-8")
     out = Report(spec, words_of(*WORDS))
     designer = Designer(context)
+    designer.require_room(spec)
     found = designer.finger(spec)
     lines = requirements(spec, found)
     add_metrics(out, found, lines)
@@ -108,15 +105,19 @@ def finger_design(spec: FingerSpec, folder: Path | None) -> Finger:
             body, linkage and mirrors.
 
     Raises:
-        UserError: the folder lacks its files, or they have been spoilt.
+        UserError: the folder lacks its files, or they have been spoilt; no room for a coupling bar.
     """
 
     def designed(context: Context) -> Finger:
-        _, mirrors, _ = Designer(context).parts(spec)
+        designer = Designer(context)
+        designer.require_room(spec)
+        _, mirrors, _ = designer.parts(spec)
         return mirrors.finger
 
     known = folder is not None
     finger = read_finger(folder) if known else packaged_or_designed(spec, DECIDING, designed)
+    if not KINDS[spec.linkage.kind].springs:
+        return finger
     return replace(finger, spring=spring_from(spec.spring))
 
 
@@ -127,7 +128,7 @@ def spring_from(spec: SpringSpec) -> FingerSpring:
 
 def dimensions(finger: Finger) -> Records:
     """Phalanges, camera, mirrors and spring; the pins have their own table."""
-    body, camera, spring = finger.body, camera_of(finger), spring_of(finger)
+    body, camera = finger.body, camera_of(finger)
     dorsal, tilt = float(body.dorsal), math.degrees(camera.tilt)
     own = f"camera, from {AXES[camera.phalanx]} in the {camera.phalanx} phalanx"
     rows = [
@@ -147,9 +148,10 @@ def dimensions(finger: Finger) -> Records:
                 (part, f"{end} end, y", dorsal - depth, "mm"),
             ]
         rows.append((part, "mount behind it", float(mirror.mount), "mm"))
-    for name, unit in (("stiffness", "N mm/rad"), ("preload", "rad")):
-        part = "spring between distal phalanx and plate"
-        rows.append((part, name, getattr(spring, name), unit))
+    if finger.spring is not None:
+        for name, unit in (("stiffness", "N mm/rad"), ("preload", "rad")):
+            part = "spring between distal phalanx and plate"
+            rows.append((part, name, getattr(finger.spring, name), unit))
     parts, names, values, units = zip(*rows, strict=True)
     numbers = [float(value) for value in values]
     return Records({"part": parts, "dimension": names, "value": numbers, "unit": units})
@@ -201,10 +203,13 @@ def add_findings(
     if held := [one.words for one in search.held_by()[:4]]:
         out.say("held", held=", ".join(held))
     out.say("yield", low=100 * found.share.low)
-    if found.grasp is None:
+    verdict = found.linkage.verdict
+    if isinstance(verdict, CoupledVerdict):
+        out.say("coupled", pip=verdict.pip_deg[-1], dip=verdict.dip_deg[-1])
+    elif found.grasp is None:
         out.say("no-grasp")
     else:
-        ratio = found.linkage.verdict.ratio[:, 0]
+        ratio = verdict.ratio[:, 0]
         low, high = float(ratio.min()), float(ratio.max())
         out.say("grasp", ratio_low=low, ratio_high=high, where=pinching(spec, high))
     out.say("files")

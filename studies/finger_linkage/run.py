@@ -20,13 +20,14 @@ from studies.benchmarks.measuring import listed
 from studies.finger_linkage.front import add_front, find_front
 from studies.finger_linkage.solvers import add_comparison, compare
 from studies.models.designed import designed_linkage
+from studies.models.finger import Finger
 from studies.models.finger_file import packaged_or_designed
-from studies.models.linkage_design.analysis import LinkageDesign, design_linkage
+from studies.models.linkage_design.analysis import LinkageDesign, design_linkage, search_linkage
+from studies.models.linkage_design.coupling.judging import CoupledVerdict
 from studies.models.linkage_design.figures import add_figures
-from studies.models.linkage_design.judging import everywhere
+from studies.models.linkage_design.judging import Verdict, everywhere
 from studies.models.linkage_design.postures import find_postures
 from studies.models.linkage_design.problem import grids
-from studies.models.linkage_design.searching import search
 from studies.models.linkage_design.spec import DECIDING, FingerLinkageSpec, is_usual_but
 from studies.models.linkage_design.tables import add_tables
 from studies.models.spec_files import linkage_file
@@ -54,8 +55,11 @@ def run(spec: FingerLinkageSpec, context: Context) -> Results:
     out = Report(spec, words)
     with context.step("Linkage: search and judgement"):
         found = design_linkage(spec, context.seed)
-    add_metrics(out, spec, found)
-    add_findings(out, spec, found)
+    if isinstance(found.verdict, CoupledVerdict):
+        add_coupled(out, spec, found, found.verdict)
+        return out.results()
+    add_metrics(out, spec, found, found.verdict)
+    add_findings(out, spec, found, found.verdict)
     add_tables(out, spec.limits, found)
     add_figures(out, spec.limits, found)
     with context.step("Front of the least angle against the bound on φ₂/φ₁"):
@@ -81,13 +85,39 @@ def design(spec: FingerLinkageSpec, folder: Path | None) -> Design:
     """
     if folder is not None:
         return Design(LINKAGE, DesignedLinkage.read(folder / "linkage.toml"))
-    finger = packaged_or_designed(spec, DECIDING, lambda context: search(spec, context.seed).finger)
+
+    def designed(context: Context) -> Finger:
+        return search_linkage(spec, context.seed).finger
+
+    finger = packaged_or_designed(spec, DECIDING, designed)
     return Design(LINKAGE, designed_linkage(finger, "finger-linkage"))
 
 
-def add_metrics(out: Report, spec: FingerLinkageSpec, found: LinkageDesign) -> None:
+def add_coupled(
+    out: Report, spec: FingerLinkageSpec, found: LinkageDesign, verdict: CoupledVerdict
+) -> None:
+    """A coupled finger's linkage; comparisons of solvers and bounds on φ₂/φ₁ are the six-bar's."""
+    out.values(requirements=len(verdict.checks) + 1)
+    out.metric("min_transmission_angle_deg", verdict.least_deg, "least-coupled")
+    out.metrics(unmet_requirements=len(found.unmet))
+    out.metric("dip_end_deg", verdict.dip_deg[-1])
+    out.say("coupled", pip=verdict.pip_deg[-1])
+    if found.unmet:
+        out.say("coupled_unmet", unmet=listed([one.name for one in found.unmet]))
+    if conflict := found.search.conflict():
+        out.say("conflict", conflict=listed(conflict))
+    if held := [one.words for one in found.search.held_by()[:6]]:
+        out.say("held", held=listed(held))
+    add_tables(out, spec.limits, found)
+    add_figures(out, spec.limits, found)
+    out.file(linkage_file(found.finger))
+
+
+def add_metrics(
+    out: Report, spec: FingerLinkageSpec, found: LinkageDesign, verdict: Verdict
+) -> None:
     """The study's numbers; the search's target is that of settings without pinch."""
-    verdict, limits = found.verdict, spec.limits
+    limits = spec.limits
     searched = is_usual_but(spec, WITHOUT_PINCH)
     asked, elsewhere = (ASKED, ELSEWHERE) if searched else (None, None)
     reached = found.search.rounds[0].feasible_deg
@@ -112,7 +142,9 @@ def add_metrics(out: Report, spec: FingerLinkageSpec, found: LinkageDesign) -> N
     )
 
 
-def add_findings(out: Report, spec: FingerLinkageSpec, found: LinkageDesign) -> None:
+def add_findings(
+    out: Report, spec: FingerLinkageSpec, found: LinkageDesign, verdict: Verdict
+) -> None:
     """What was found, most important first."""
     required, least = spec.limits.transmission_deg, found.verdict.least_deg
     conflict = found.search.conflict()
@@ -132,7 +164,7 @@ def add_findings(out: Report, spec: FingerLinkageSpec, found: LinkageDesign) -> 
         out.say("starts", low=min(reached), high=best, same=same)
     out.say("tolerance", above=np.mean(found.drawn > required), count=len(found.drawn))
     pip, dip = (np.unique(part.x).size for part in found.search.rounds[-1].problem.data[1:])
-    out.say("postures", pip=pip, dip=dip, postures=found.verdict.crank_deg.size)
+    out.say("postures", pip=pip, dip=dip, postures=verdict.crank_deg.size)
     if spec.precision:
         out.say("time")
 

@@ -20,8 +20,9 @@ from optics.scene.designed import DesignedScene
 from studies.finger_mirrors import solvers
 from studies.models.body import BodySpec
 from studies.models.designed import designed_scene
-from studies.models.finger import PHALANGES, Body, Finger, camera_of
+from studies.models.finger import Finger, camera_of
 from studies.models.finger_file import packaged_or_designed
+from studies.models.finger_parts import PHALANGES, Body
 from studies.models.link_layers import Links
 from studies.models.links import LinksTable
 from studies.models.mirror_design import errors, figures, judging

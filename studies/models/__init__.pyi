@@ -1,4 +1,4 @@
-from .finger import Body, Finger, FingerCamera, FingerMirror, FingerMotor, FingerSpring
+from .finger import Finger
 from .finger_file import (
     bare_finger,
     format_finger,
@@ -7,6 +7,7 @@ from .finger_file import (
     read_finger,
     write_finger,
 )
+from .finger_parts import Body, FingerCamera, FingerMirror, FingerMotor, FingerSpring
 from .link_layers import Links
 from .linkage_design.forces import find_held_force, find_pinch_forces, find_stresses
 from .pad_layers import PadLayers

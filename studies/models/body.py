@@ -15,7 +15,7 @@ StrictLength = Annotated[Length, Field(strict=True)]
 
 
 def pad_gap(height: float, protrusion: float, clearance: float, flexion: float) -> float:
-    """From a joint's axis to the end of a membrane, mm; see `finger.Body.gaps`.
+    """From a joint's axis to the end of a membrane, mm; see `finger_parts.Body.gaps`.
 
     Args:
         height: from the palmar face to the axes, mm.
@@ -32,7 +32,7 @@ def pad_gap(height: float, protrusion: float, clearance: float, flexion: float) 
 
 
 class BodyTable(Spec):
-    """``[body]``; see `finger.Body`, which is what is computed with.
+    """``[body]``; see `finger_parts.Body`, which is what is computed with.
 
     ``range_deg`` may be written as a pair of PIP and DIP, too.
     """

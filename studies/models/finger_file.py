@@ -32,10 +32,10 @@ from optics.scene.file import CameraTable as LensTable
 from optics.scene.reading import build_camera
 from optics.scene.writer import camera_table
 from studies.models.body import BodyTable
-from studies.models.finger import (
+from studies.models.finger import Finger
+from studies.models.finger_parts import (
     MOUNT,
     Body,
-    Finger,
     FingerCamera,
     FingerMirror,
     FingerMotor,
@@ -43,9 +43,10 @@ from studies.models.finger import (
     Phalanx,
 )
 from studies.models.link_layers import Links
+from studies.models.linkage_kinds import COUPLED, SIX_BAR, KindName
 from studies.models.links import LinksTable
 from studies.models.pad_layers import LEAST_TRANSMISSION, WALL, PadLayers
-from studies.models.pins import Pins, pin_name
+from studies.models.pins import PINS, pin_name
 
 SAME = 1e-6
 """Two statements of one number contradict each other where they differ by more, mm and rad."""
@@ -73,6 +74,14 @@ class PinsTable(Spec):
     C: Point
     G: Point
     H: Point = Field(alias="G'")
+    K: Point | None = None
+
+
+class CouplingPinsTable(Spec):
+    """``[pins]`` of a coupled finger; see `CouplingPins`."""
+
+    P: Point
+    Q: Point
     K: Point | None = None
 
 
@@ -157,7 +166,7 @@ class MirrorTable(Spec):
 
 
 class FingerFile(Spec):
-    """The whole file."""
+    """The whole file of a finger with a six-bar, or without a linkage."""
 
     finger: FingerTable
     body: BodyTable
@@ -168,6 +177,16 @@ class FingerFile(Spec):
     camera: CameraTable | None = None
     pads: PadsTable | None = None
     mirrors: tuple[MirrorTable, ...] = ()
+
+
+class CoupledFingerFile(FingerFile):
+    """That of a coupled finger."""
+
+    pins: CouplingPinsTable | None = None  # pyright: ignore[reportIncompatibleVariableOverride]
+
+
+FILES = {"six-bar": FingerFile, "coupled": CoupledFingerFile}
+"""Files by the kind of linkage."""
 
 
 def read_finger(path: str | Path) -> Finger:
@@ -250,11 +269,12 @@ def parse_finger(tables: dict[str, Any], source: str, name: str = "finger") -> F
         >>> parse_finger(tomllib.loads(format_finger(packaged_finger())), "copy").name
         'finger'
     """
-    file = validated(FingerFile, tables, source)
+    kind = _kind(tables)
+    file = validated(FILES[kind], tables, source)
     pins, spring, camera = file.pins, file.spring, file.camera
     return Finger.of(
         Body.of(file.body),
-        pins and Pins.of(pins),
+        pins and PINS[kind].of(pins),
         spring and FingerSpring(**spring.model_dump()),
         camera and FingerCamera.of(camera, camera.along, camera.depth, camera.tilt_deg),
         [
@@ -266,6 +286,13 @@ def parse_finger(tables: dict[str, Any], source: str, name: str = "finger") -> F
         file.pads and file.pads.made(),
         name=file.finger.name or name,
     )
+
+
+def _kind(tables: dict[str, Any]) -> KindName:
+    """The kind of linkage in a file, by the names of its pins."""
+    pins = tables.get("pins")
+    given = isinstance(pins, dict) and {*pins} & {*COUPLED.pins}
+    return COUPLED.name if given else SIX_BAR.name
 
 
 def finger_tables(finger: Finger) -> dict[str, Any]:

@@ -11,7 +11,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from designopt import as_float
-from studies.models.links import BARS, LinksTable
+from studies.models.linkage_kinds import LinkageKind, kind_of_layers
+from studies.models.links import OUTLINES, LinksTable
 
 Number = Float[Array, "*batch"]
 
@@ -59,6 +60,11 @@ class Links(eqx.Module):
         """Width of the finger that they need, mm."""
         return 2 * self.edges[..., -1, 1]
 
+    @property
+    def kind(self) -> LinkageKind:
+        """The kind of linkage whose parts lie in the layers."""
+        return kind_of_layers(self.layers)
+
     def layer_of(self, part: str) -> int:
         """The layer of a part."""
         return next(i for i, parts in enumerate(self.layers) if part in parts)
@@ -89,7 +95,7 @@ def find_meetings(links: Links, joined: Mapping[str, Sequence[str]]) -> list[Mee
         >>> [tuple(pair) for pair in find_meetings(links, pins)][:4]
         [('crank', 'plate'), ('rod', 'bar'), ('crank', 'A'), ('rod', 'A')]
     """
-    present = [bar for bar in BARS if any(bar in bodies for bodies in joined.values())]
+    present = [bar for bar in OUTLINES if any(bar in bodies for bodies in joined.values())]
     found = [
         Meeting(one, other)
         for one, other in combinations(present, 2)

@@ -15,37 +15,14 @@ from pydantic import Field, model_validator
 
 from designopt.io.spec import Spec
 from designopt.study.settings import setting
+from studies.models.linkage_kinds import COUPLED, SIX_BAR, LinkageKind, kind_of_layers
 
-OUTLINES = {
-    "crank": "FEK",
-    "rod": "ED",
-    "plate": "CDH",
-    "bar": "GH",
-    "driver": "MN",
-    "coupler": "NK",
-}
-"""Pins at the corners of every moving link; driver and coupler are those of the motor's
-parallelogram, without which there is no K. H is paper B's G'."""
-
-BARS = tuple(OUTLINES)
-
-WALLS = {"proximal": "AFM", "intermediate": "ABG", "distal": "BC"}
-"""The phalanges, by their side walls, and the pins in these."""
+OUTLINES = {**SIX_BAR.outlines, **COUPLED.outlines}
+"""Pins at the corners of every moving link of any kind of linkage; driver and coupler are those of
+the motor's parallelogram, without which there is no K. H is paper B's G'."""
 
 AXLES = ("A", "B")
 """Pins that join two walls."""
-
-LAYERS = (
-    ("pads", "mirrors", "camera"),
-    ("proximal", "distal", "LED strips"),
-    ("crank", "plate", "driver"),
-    ("rod", "bar", "coupler"),
-    ("intermediate",),
-)
-"""From the middle outwards. It is the only order in which all pins but the axles join neighbouring
-layers, for the bars need two layers (plate and rod share a pin) and plate and crank hang on the
-walls of the outer phalanges, the bar on that of the intermediate one; but for turning it inside
-out."""
 
 THICKNESS = (11.6, 1.4, 1.2, 1.2, 1.2)
 """Of these layers, mm: half of the pads' width, LED strips on the acrylic's sides, bars, walls. No
@@ -69,8 +46,13 @@ class LinksTable(Spec):
     pin_strength: Strength = setting(450.0, "yield strength of pins and axles, A2-70 (N/mm²)")
     thickness: list[Length] = setting(list(THICKNESS), "of the layers, from the middle (mm)")
     layers: list[list[str]] = setting(
-        [list(parts) for parts in LAYERS], "what lies in each of them"
+        [list(parts) for parts in SIX_BAR.layers], "what lies in each of them"
     )
+
+    @property
+    def kind(self) -> LinkageKind:
+        """The kind of linkage whose parts lie in the layers."""
+        return kind_of_layers(self.layers)
 
     @model_validator(mode="after")
     def _one_thickness_each(self) -> LinksTable:
@@ -92,15 +74,15 @@ class LinksTable(Spec):
 
     @model_validator(mode="after")
     def _every_part_in_one_layer(self) -> LinksTable:
-        parts = [part for layer in self.layers for part in layer]
-        for part in (*WALLS, *BARS):
+        parts, kind = [part for layer in self.layers for part in layer], self.kind
+        for part in (*kind.walls, *kind.outlines):
             if parts.count(part) != 1:
                 raise ValueError(
                     f"layers: '{part}' lies in {parts.count(part)} layers; name it in one"
                 )
-        bodies = WALLS | OUTLINES
+        bodies = {**kind.walls, **kind.outlines}
         for layer in self.layers:
-            bars, walls = set(layer) & set(BARS), set(layer) & set(WALLS)
+            bars, walls = set(layer) & {*kind.outlines}, set(layer) & {*kind.walls}
             if bars and walls:
                 raise ValueError(
                     f"layers: {', '.join(sorted(bars))} would move through the wall of "

@@ -7,7 +7,7 @@ membrane's end and z above it stays ``pad_clearance`` from the neighbour's while
     (g − o) cos r/2 − (h + p − z) sin r/2 ≥ c / 2    for every flexion r of the joint.
 
 The left side is concave in r, or falls, so it is least at one end of the range. With the gap g of
-`finger.Body.gaps` that makes o ≤ z tan r/2 at the greatest flexion, the plane that halves the
+`finger_parts.Body.gaps` that makes o ≤ z tan r/2 at the greatest flexion, the plane that halves the
 joint, and o ≤ g − c / 2 in the straight finger. Reaches are shares of what these allow: whatever
 they are, nothing meets.
 """

@@ -16,7 +16,6 @@ from designopt.plot.figures import PALETTE
 from kinematics.model.linkage import Linkage
 from kinematics.solve.poses import solve_poses
 from studies.models.finger import Finger
-from studies.models.links import OUTLINES
 from studies.models.pins import pin_name
 
 BODY, VERMILION, GREEN, PINK, _, PAD, ORANGE = PALETTE
@@ -27,6 +26,7 @@ COLORS = {
     "bar": PINK,
     "driver": VERMILION,
     "coupler": ORANGE,
+    "coupling": GREEN,
 }
 """Of the links; those of the motor's parallelogram are dashed in the colors of the linkage's."""
 
@@ -34,9 +34,9 @@ ROUND = np.exp(1j * np.linspace(0, 2 * np.pi, 48, endpoint=False))
 
 
 @jax.jit
-def _places(linkage: Linkage, inputs: Float[Array, "2"]) -> dict[str, Float[Array, "2"]]:
+def _places(linkage: Linkage, inputs: Float[Array, " inputs"]) -> dict[str, Float[Array, "2"]]:
     pose = solve_poses(linkage, inputs).value
-    names = "ABCDEFGH" + ("KMN" if "M" in pose.joints else "")
+    names = [name for name in "ABCDEFGHPQKMN" if pin_name(name) in pose.joints]
     return {name: pose.position(pin_name(name)) for name in names}
 
 
@@ -65,7 +65,7 @@ def draw_finger(
         named: write the pins' names, for which the drawing has to be large.
     """
     body = finger.body
-    places = _places(finger.linkage(), -jnp.asarray(joints))
+    places = _places(finger.linkage(), -jnp.asarray(joints)[: finger.kind.freedoms])
     at = {name: complex(*np.asarray(place)) for name, place in places.items()}
 
     def draw(path: Sequence[complex] | np.ndarray, color: str, label: str, **style: Any) -> None:
@@ -84,7 +84,7 @@ def draw_finger(
         axis.fill(outline.real, outline.imag, label="phalanges", **look)
         draw(at[origin] + turn * (pad + palmar), PAD, "pads", linewidth=2.5)
     radius = 0.0 if finger.links is None else float(finger.links.bar_width) / 2
-    for name, pins in OUTLINES.items():
+    for name, pins in finger.kind.outlines.items():
         corners, color = [at[pin] for pin in pins if pin in at], COLORS[name]
         if len(corners) < 2:
             continue
@@ -95,8 +95,9 @@ def draw_finger(
         dashed = "--" if name in ("driver", "coupler") else "-"
         line = {"linewidth": 1.0 if radius else 2.0, "linestyle": dashed}
         draw([*corners, *corners[:1]], color, name, **line)
-    for host, pin in ("AF", "AG", "BC"):
-        draw([at[host], at[pin]], BODY, "_", linewidth=1.0, linestyle=":")
+    for host, *pins in finger.kind.walls.values():
+        for pin in (pin for pin in pins if pin in at and pin not in "BM"):
+            draw([at[host], at[pin]], BODY, "_", linewidth=1.0, linestyle=":")
     size = 4 if named else 2.5
     hole = {"marker": "o", "linestyle": "", "markerfacecolor": "white", "markersize": size}
     draw([*at.values()], "black", "_", **hole)

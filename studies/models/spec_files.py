@@ -10,10 +10,11 @@ from studies.models.finger_file import format_finger
 
 def linkage_file(finger: Finger) -> SpecFile:
     """The file of the linkage, driven at its joints."""
+    dip = " --sweep dip=0" if finger.kind.freedoms > 1 else ""
     text = format_toml(
         finger.linkage_tables(),
         "The finger's linkage, driven at its joints; flexion is negative.\n"
-        "designopt solve linkage.toml --sweep pip=0:-90:91 --sweep dip=0",
+        f"designopt solve linkage.toml --sweep pip=0:-90:91{dip}",
     )
     return SpecFile("linkage.toml", "the linkage, for `designopt solve`", text)
 
@@ -30,13 +31,18 @@ def scene_file(finger: Finger) -> SpecFile:
 
 def finger_files(finger: Finger) -> list[SpecFile]:
     """The finger, and what follows from it: its linkage, driven both ways, and its scene."""
+    first = SpecFile(
+        "finger.toml", "every dimension, for `designopt explore`", format_finger(finger)
+    )
+    if finger.kind.freedoms == 1:  # whichever body is driven, it is the same file
+        return [first, linkage_file(finger), scene_file(finger)]
     by_crank = format_toml(
         finger.linkage_tables("crank"),
         "The finger's linkage as the motor drives it: by its crank, and by the angle between\n"
         "plate and distal phalanx, which a spring holds in the straight finger.",
     )
     return [
-        SpecFile("finger.toml", "every dimension, for `designopt explore`", format_finger(finger)),
+        first,
         linkage_file(finger),
         SpecFile("linkage-crank.toml", "the linkage, driven by its crank", by_crank),
         scene_file(finger),

@@ -16,7 +16,8 @@ from __future__ import annotations
 import cmath
 import math
 import tomllib
-from itertools import combinations
+from collections.abc import Mapping
+from itertools import combinations, product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,6 +32,7 @@ BARS = {
     "bar": ("G", "G'"),
     "driver": ("M", "N"),
     "coupler": ("N", "K"),
+    "coupling": ("P", "Q"),
 }
 CARRIERS = {
     "A": ("proximal", "intermediate"),
@@ -45,7 +47,18 @@ CARRIERS = {
     "N": ("coupler", "driver"),
     "M": ("driver", "proximal"),
 }
-"""The two bodies on every pin."""
+"""The two bodies on every pin of a six-bar."""
+
+COUPLED_CARRIERS = {
+    "A": ("proximal", "intermediate"),
+    "B": ("intermediate", "distal"),
+    "P": ("proximal", "coupling"),
+    "Q": ("distal", "coupling"),
+    "K": ("intermediate", "coupler"),
+    "N": ("coupler", "driver"),
+    "M": ("driver", "proximal"),
+}
+"""Those of a coupled finger."""
 
 PHALANGES = ("proximal", "intermediate", "distal")
 
@@ -55,6 +68,9 @@ outer ends of layers; all but the first where the file has none of its own, mm."
 
 SEAM = 1e-7
 """mm."""
+
+STRETCH = 1e-6
+"""A bar that is longer or shorter by so much is another, mm."""
 
 ARC_STEPS = 256
 """Chords of a quarter turn."""
@@ -142,7 +158,7 @@ def polygon_clearances(
         places = pin_places(tables, *square)
         ok = np.all([np.isfinite(place) for place in places.values()], axis=0)
         slabs = {face: _hulls(turned[face][0]) for face in faces}
-        between = _bars_apart(tables["links"], places, slabs)
+        between = _bars_apart(tables, places, slabs)
         apart |= {pair: np.where(ok, each, -np.inf) for pair, each in between.items()}
         hand = _sections(body, *square, hand=True) if "motor" in tables else section
         for bar, corners in _bars(places).items():
@@ -159,12 +175,13 @@ def _bars(places: Places) -> dict[str, list[Complex]]:
 
 
 def _bars_apart(
-    links: dict[str, Any], places: Places, slabs: dict[str, np.ndarray]
+    tables: dict[str, Any], places: Places, slabs: dict[str, np.ndarray]
 ) -> dict[tuple[str, str], np.ndarray]:
     """Clearances of bars from each other, from axles and from palmar faces, mm."""
+    links = tables["links"]
     hulls = {bar: _hulls(corners) for bar, corners in _bars(places).items()}
     radius, found = links["bar_width"] / 2, {}
-    for one, other in meeting_parts(links, list(hulls)):
+    for one, other in meeting_parts(tables, list(hulls)):
         if other in hulls:
             distance = shapely.distance(hulls[one], hulls[other]) - radius
         else:
@@ -319,16 +336,46 @@ def pad_pieces(body: dict[str, Any], pads: dict[str, Any]) -> dict[str, Pieces]:
     return found
 
 
-def meeting_parts(links: dict[str, Any], bars: list[str]) -> list[tuple[str, str]]:
+def is_coupled(tables: Mapping[str, Any]) -> bool:
+    """Whether one bar P-Q makes DIP follow PIP."""
+    return "P" in tables["pins"]
+
+
+def carriers(tables: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
+    """The two bodies on every pin of a finger."""
+    return COUPLED_CARRIERS if is_coupled(tables) else CARRIERS
+
+
+def postures(tables: Mapping[str, Any], steps: int) -> list[tuple[float, float]]:
+    """Angles of PIP and DIP that a finger reaches, degrees: all pairs, or one for each of PIP.
+
+    Args:
+        tables: of the file.
+        steps: angles of a joint, from straight to the end of its range.
+    """
+    grids = [np.linspace(0.0, end, steps) for end in joint_ranges(tables["body"])]
+    if not is_coupled(tables):
+        return list(product(*(grid.tolist() for grid in grids)))
+    pip = np.deg2rad(grids[0])
+    straight = {pin: complex(*place) for pin, place in tables["pins"].items()}
+    straight["B"] = complex(tables["body"]["intermediate"])
+    b = straight["B"] * np.exp(-1j * pip)
+    q = _third(np.full_like(b, straight["P"]), b, "P", "B", "Q", straight)
+    dip = -np.angle((q - b) / (straight["Q"] - straight["B"]) * np.exp(1j * pip))
+    return list(zip(grids[0].tolist(), np.rad2deg(dip).tolist(), strict=True))
+
+
+def meeting_parts(tables: Mapping[str, Any], bars: list[str]) -> list[tuple[str, str]]:
     """Bars that lie in one layer, and bars in a layer that a pin or an axle crosses."""
-    layer = {part: number for number, parts in enumerate(links["layers"]) for part in parts}
+    layers = tables["links"]["layers"]
+    layer = {part: number for number, parts in enumerate(layers) for part in parts}
     pairs = [
         (one, other)
         for one, other in combinations(bars, 2)
         if layer[one] == layer[other] and not set(BARS[one]) & set(BARS[other])
     ]
     present = {*PHALANGES, *bars}
-    for pin, bodies in CARRIERS.items():
+    for pin, bodies in carriers(tables).items():
         if present.issuperset(bodies):
             low, high = sorted(layer[body] for body in bodies)
             pairs += [(bar, pin) for bar in bars if low < layer[bar] < high]
@@ -338,6 +385,8 @@ def meeting_parts(links: dict[str, Any], bars: list[str]) -> list[tuple[str, str
 def pin_places(tables: dict[str, Any], pip: np.ndarray, dip: np.ndarray) -> Places:
     """Places of all pins in the proximal phalanx's frame, as complex numbers; NaN if none.
 
+    Those of a coupled finger are none where its bar P-Q is too long or too short.
+
     Args:
         tables: of the file.
         pip: flexion, rad.
@@ -346,6 +395,13 @@ def pin_places(tables: dict[str, Any], pip: np.ndarray, dip: np.ndarray) -> Plac
     straight = {pin: complex(*place) for pin, place in tables["pins"].items()}
     middle = complex(tables["body"]["intermediate"])
     knuckle, flexion = np.exp(-1j * pip), np.exp(-1j * dip)
+    if is_coupled(tables):
+        q = (middle + (straight["Q"] - middle) * flexion) * knuckle
+        p = np.full_like(q, straight["P"])
+        stretched = np.abs(np.abs(q - p) - abs(straight["Q"] - straight["P"]))
+        places = {"P": p, "Q": np.where(stretched < STRETCH, q, np.nan)}
+        places |= {"A": np.zeros_like(q), "B": middle * knuckle}
+        return places | _parallelogram(tables, straight, "A", places["A"], knuckle)
     c = middle + (straight["C"] - middle) * flexion
     g = np.full_like(c, straight["G"])
     h = _third(g, c, "G", "C", "G'", straight)
@@ -355,16 +411,32 @@ def pin_places(tables: dict[str, Any], pip: np.ndarray, dip: np.ndarray) -> Plac
     places["A"], places["B"] = np.zeros_like(c), middle * knuckle
     places["F"] = np.full_like(c, straight["F"])
     places["E"] = _third(places["F"], places["D"], "F", "D", "E", straight)
-    if "K" in straight:
-        arm = straight["K"] - straight["F"]
-        turn = (places["E"] - places["F"]) / (straight["E"] - straight["F"])
-        motor = tables["motor"]
-        axis = complex(
-            -tables["body"]["proximal"] - motor["behind"], straight["F"].imag + motor["above"]
-        )
-        places["M"] = np.full_like(c, axis)
-        places["K"], places["N"] = places["F"] + arm * turn, places["M"] + arm * turn
-    return places
+    turn = (places["E"] - places["F"]) / (straight["E"] - straight["F"])
+    return places | _parallelogram(tables, straight, "F", places["F"], turn)
+
+
+def _parallelogram(
+    tables: Mapping[str, Any],
+    straight: dict[str, complex],
+    shaft: str,
+    center: Complex,
+    turn: Complex,
+) -> Places:
+    """Pins of the motor's parallelogram, if there is one, by the turn of what the motor turns.
+
+    Args:
+        tables: of the file.
+        straight: places of the straight finger.
+        shaft: the pin about which that turns.
+        center: its places.
+        turn: of it.
+    """
+    if "K" not in straight:
+        return {}
+    middle, motor = straight.get(shaft, 0j), tables["motor"]
+    arm = (straight["K"] - middle) * turn
+    axis = complex(-tables["body"]["proximal"] - motor["behind"], middle.imag + motor["above"])
+    return {"M": np.full_like(center, axis), "K": center + arm, "N": axis + arm}
 
 
 def _third(

@@ -44,7 +44,7 @@ def solid_faces(step: str | Path, finger: str | Path) -> Callable[[float, float]
             own = _triangles(solid)
             if name.endswith("mirror"):
                 own = own[~_reflecting(own)]
-            triangles.setdefault(bodies_of(name)[0], []).append(own)
+            triangles.setdefault(bodies_of(name, tables)[0], []).append(own)
     bodies = {body: np.concatenate(parts) for body, parts in triangles.items()}
 
     def faces(pip: float, dip: float) -> list[Face]:

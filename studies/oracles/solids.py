@@ -41,7 +41,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS, TopoDS_Shape
 from OCP.XCAFDoc import XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
 
-from studies.oracles.clearances import BARS, CARRIERS, joint_ranges, pin_places
+from studies.oracles.clearances import BARS, carriers, pin_places, postures
 
 BESIDE = 0.04
 """What lies farther beside another part than this across the finger, mm, never meets it."""
@@ -119,11 +119,16 @@ def is_watertight(shape: TopoDS_Shape) -> bool:
     return bool(closed) and all(closed) and BRepCheck_Analyzer(shape).IsValid()
 
 
-def bodies_of(name: str) -> tuple[str, ...]:
-    """The bodies with which a part of a name moves; a pin turns with two of them."""
+def bodies_of(name: str, tables: Mapping[str, Any]) -> tuple[str, ...]:
+    """The bodies with which a part of a name moves; a pin turns with two of them.
+
+    Args:
+        name: of the part.
+        tables: of the finger's file.
+    """
     what = name.split(",")[0]
     if what.startswith(("pin ", "axle ")):
-        return CARRIERS[what.split(" ")[1]]
+        return carriers(tables)[what.split(" ")[1]]
     return (what.split(" ")[0],)
 
 
@@ -152,7 +157,7 @@ def find_meetings(
     steps: int = 31,
     pairs: Sequence[tuple[str, str]] | None = None,
 ) -> list[Meeting]:
-    """How near parts come to each other, in all pairs of angles of both joints.
+    """How near parts come to each other in every posture that the finger reaches.
 
     Parts of one body are looked at once, and so are a pin and what it is in, for these turn about
     each other. Of two others only that counts which has some z in common: what lies beside each
@@ -165,12 +170,13 @@ def find_meetings(
         pairs: which to look at; all that can meet by default.
     """
     tables = tomllib.loads(Path(finger).read_text(encoding="utf-8"))
-    grids = [np.linspace(0.0, end, steps).tolist() for end in joint_ranges(tables["body"])]
     poses = {
-        degrees: motions_of(tables, *np.deg2rad(degrees)) for degrees in itertools.product(*grids)
+        degrees: motions_of(tables, *np.deg2rad(degrees)) for degrees in postures(tables, steps)
     }
     chosen = pairs if pairs is not None else list(meeting_pairs(solids))
-    return [_meet(solids, pair, poses) for pair in chosen]
+    return [
+        _meet(solids, pair, [bodies_of(name, tables) for name in pair], poses) for pair in chosen
+    ]
 
 
 def meeting_pairs(solids: Mapping[str, TopoDS_Shape]) -> Iterator[tuple[str, str]]:
@@ -197,10 +203,11 @@ def _box(shape: TopoDS_Shape) -> tuple[gp_Pnt, gp_Pnt]:
 def _meet(
     solids: Mapping[str, TopoDS_Shape],
     pair: tuple[str, str],
+    bodies: Sequence[tuple[str, ...]],
     poses: Mapping[tuple[float, float], Mapping[str, Motion]],
 ) -> Meeting:
     one, other = (solids[name] for name in pair)
-    first, second = map(bodies_of, pair)
+    first, second = bodies
     if {*first} & {*second}:
         apart = distance(one, other)
         shared = shared_volume(one, other) if apart <= TOUCH else 0.0

@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from designopt.study.results import StabilityRow
-from studies.models.finger import Finger, FingerSpring, spring_of
+from studies.models.finger import Finger, spring_of
+from studies.models.finger_parts import FingerSpring
 from studies.models.grasp import cases
 from studies.models.grasp.closing import LANES, STEPS, close_all, there_and_back
 from studies.models.grasp.comparing import compare_exactly

@@ -23,7 +23,7 @@ from optics.scene.writer import scene_tables
 from studies.finger.bench import FingerBench
 from studies.finger.drawing import make_finger_drawing
 from studies.finger.run import dimensions
-from studies.models.finger import PHALANGES, Finger, Phalanx, camera_of, joints_between
+from studies.models.finger import Finger, camera_of
 from studies.models.finger_file import (
     finger_tables,
     format_finger,
@@ -31,6 +31,7 @@ from studies.models.finger_file import (
     parse_finger,
     write_finger,
 )
+from studies.models.finger_parts import PHALANGES, Phalanx, joints_between
 from studies.models.mirror_design.clearances import clearance_checks, find_clearances
 from studies.models.mirror_design.design import first_placements
 from studies.models.mirror_design.errors import perturb

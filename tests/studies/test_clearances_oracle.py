@@ -21,7 +21,6 @@ from studies.models import bare_finger, packaged_finger
 from studies.models.finger import Finger, pins_of
 from studies.models.finger_file import read_finger, write_finger
 from studies.models.linkage_design.clearances import (
-    BESIDE,
     FACES,
     clearances_at,
     find_clearances,
@@ -32,6 +31,7 @@ from studies.models.linkage_design.clearances import (
 from studies.models.linkage_design.judging import judged
 from studies.models.linkage_design.postures import postures_at
 from studies.models.linkage_design.spec import LimitsSpec, MotorSpec
+from studies.models.linkage_kinds import SIX_BAR
 from studies.models.mirror_design.problem import dorsal_room
 from studies.models.pins import pin_name
 from studies.oracles.clearances import BARS, PolygonClearances, polygon_clearances
@@ -170,7 +170,7 @@ def test_the_librarys_clearances_are_those_of_polygons(tmp_path, made):
     pose = jax.jit(solve_poses)(finger.linkage(), square).value
     places = {name: pose.joints[pin_name(name)] for name in "OABTFEDCGHKMN"}
     by_solver = jax.jit(find_clearances, static_argnums=2)(finger, places, meetings)
-    assert sum(one.second in FACES for one in meetings) == 3 * len(BESIDE)
+    assert sum(one.second in FACES for one in meetings) == 3 * len(("rod", "plate"))
     for one in meetings:
         second = (
             f"palmar face of the {one.second} phalanx"
@@ -226,7 +226,7 @@ def test_every_bar_is_measured_from_every_palmar_face(tmp_path):
     found = measured(tmp_path)
     faces = [f"palmar face of the {phalanx} phalanx" for phalanx in FACES]
     assert {pair for pair in found.apart if pair[1] in faces and pair[0] in BARS} == {
-        (bar, face) for bar in BARS for face in faces
+        (bar, face) for bar in SIX_BAR.outlines for face in faces
     }
     # Beside the phalanges that carry all of their pins, bars keep as much as these pins.
     assert found.apart["crank", faces[0]].min() == pytest.approx(4 - 0.78 - 2 - SHELL)

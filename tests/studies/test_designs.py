@@ -59,8 +59,8 @@ def unsearched(monkeypatch):
         raise AssertionError("a search was begun")
 
     for place in (
-        "studies.finger_linkage.run.search",
-        "studies.models.linkage_design.analysis.search",
+        "studies.finger_linkage.run.search_linkage",
+        "studies.models.linkage_design.analysis.search_linkage",
         "studies.finger_mirrors.run.design_mirrors",
         "studies.finger.designing.design_mirrors",
     ):
@@ -128,7 +128,7 @@ def test_another_body_is_searched_for(monkeypatch):
         seen.append((spec.body.thickness, seed))
         return SimpleNamespace(finger=finger_of(None, distal=spec.body.distal))
 
-    monkeypatch.setattr("studies.finger_linkage.run.search", search)
+    monkeypatch.setattr("studies.finger_linkage.run.search_linkage", search)
     design = designed("finger-linkage", "body.thickness=22", "body.distal=30")
     assert seen == [(22.0, 0)]
     assert design.sketch.joints["E"] == pytest.approx((-21.27, 14.06))

@@ -16,7 +16,9 @@ from optics.visibility.coverage import find_coverage
 from studies.finger import FingerSpec
 from studies.finger.bench import FingerBench
 from studies.finger.run import finger_design
+from studies.models.linkage_design.coupling.postures import find_coupled_postures
 from tests.helpers import figure_of, readings
+from tests.studies.fingers import coupled_finger
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +87,31 @@ def test_both_are_shown_in_one_pose(finger):
     sides = {artist.axes.bbox.x0 < middle for artist in shown.artists if artist.axes}
     assert sides == {True, False}
     assert len({id(artist) for artist in shown.artists}) == len(shown.artists)
+
+
+def test_dip_follows_pip_in_a_coupled_finger():
+    finger = coupled_finger()
+    bench = FingerBench(finger)
+    figure_of(bench)
+    values = {knob.name: knob.value for knob in bench.knobs}
+    assert "dip" not in values
+    assert {"pip", "coupling P-Q"} <= {*values}
+    values["pip"] = 50.0
+    found, flexion = readings(bench.show(values)), jnp.deg2rad(jnp.array([50.0]))
+    dip = find_coupled_postures(finger, flexion).dip
+    assert found["dip"] == pytest.approx(float(jnp.rad2deg(dip[0])), abs=1e-9)
+    scene, posture = finger.scene(), jnp.concatenate([flexion, dip])
+    covered = find_coverage(scene, posture).value
+    for part, wanted in zip(scene.layout.pads, covered, strict=True):
+        assert found[f"{part.name}: coverage"] == pytest.approx(100 * float(wanted), abs=1e-9)
+    files = {file.name: tomllib.loads(str(file.content)) for file in bench.specs(values)}
+    assert [one["name"] for one in files["linkage.toml"]["inputs"]] == ["pip"]
+    # Too long a bar holds it in no posture, and optics are those of straight DIP.
+    broken = bench.show(values | {"coupling P-Q": 30.0})
+    assert broken.message
+    assert readings(broken)["dip"] == 0.0
+    step = next(iter(bench.optimise(values)))
+    assert {*step.values} == {*values}
 
 
 def test_the_saved_linkage_is_straight(finger):

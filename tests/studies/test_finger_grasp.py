@@ -14,7 +14,7 @@ import pytest
 import scipy.optimize
 
 from designopt.study.study import Context, load_study
-from studies.models.finger import FingerSpring
+from studies.models.finger_parts import FingerSpring
 from studies.models.grasp import cases
 from studies.models.grasp.analysis import CLOSED, formula_error, retrace_error, touching_dip
 from studies.models.grasp.closing import LARGEST_MOVE, STEPS, close_all, there_and_back

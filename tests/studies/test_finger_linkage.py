@@ -25,7 +25,6 @@ from studies.models.finger_file import write_finger
 from studies.models.link_layers import Links
 from studies.models.linkage_design import searching, tables
 from studies.models.linkage_design.analysis import layers_fit
-from studies.models.linkage_design.clearances import HOSTS
 from studies.models.linkage_design.figures import draw_sequences
 from studies.models.linkage_design.judging import judged
 from studies.models.linkage_design.postures import find_postures
@@ -38,6 +37,7 @@ from studies.models.linkage_design.spec import (
     SearchSpec,
 )
 from studies.models.linkage_design.tolerance import least_angles
+from studies.models.linkage_kinds import SIX_BAR
 from studies.models.links import LinksTable
 from studies.models.pins import Pins, pin_name
 from studies.models.words import words_of
@@ -202,7 +202,7 @@ def test_judgement_is_that_of_circles_that_meet(kind):
     checks = {check.name: check for check in verdict.checks}
     turns = np.exp(1j * COARSE)
     for pin in "FEDGHC":
-        host = HOSTS[pin]
+        host = SIX_BAR.hosts[pin]
         own = {
             "proximal": [at[pin] for at in places.values()],
             "intermediate": [at[pin] * turns[i] for (i, _), at in places.items()],

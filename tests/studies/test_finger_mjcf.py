@@ -26,8 +26,9 @@ from designopt.errors import UserError
 from studies.finger import FingerSpec
 from studies.finger.run import finger_design, spring_from
 from studies.models import Finger
-from studies.models.finger import PHALANGES, links_of, pins_of
-from studies.models.finger_file import bare_finger, packaged_finger
+from studies.models.finger import links_of, pins_of
+from studies.models.finger_file import bare_finger
+from studies.models.finger_parts import PHALANGES
 from studies.models.grasp import cases
 from studies.models.grasp.analysis import analyze
 from studies.models.grasp.closing import Path, close_all, there_and_back
@@ -36,7 +37,10 @@ from studies.models.grasp.objects import Circle
 from studies.models.grasp.pinch import loading, predict
 from studies.models.grasp.spec import GraspSpec
 from studies.models.grasp.transfer import pads
+from studies.models.linkage_design.coupling.postures import find_coupled_postures
+from studies.models.linkage_kinds import KINDS
 from tests.kinematics.simulated import Simulated, mujoco
+from tests.studies.fingers import finger_of_kind
 
 ANGLE, GAP = math.radians(0.5), 0.05
 """Differences (rad) and gaps (mm) that were asked for."""
@@ -277,6 +281,34 @@ def test_the_finger_closes_without_touching_itself():
     assert reached.min(axis=0) == pytest.approx([0.0, 0.0], abs=0.1)
 
 
+def test_a_coupled_finger_closes_along_its_curve_without_touching_itself():
+    finger = finger_of_kind("coupled")
+    text = grasp_mjcf(finger)
+    excluded = {
+        frozenset((pair.get("body1"), pair.get("body2")))
+        for pair in ElementTree.fromstring(text).iter("exclude")
+    }
+    assert excluded == {
+        frozenset(pair)
+        for pair in (
+            *(("proximal", "intermediate"), ("intermediate", "distal"), ("proximal", "coupling")),
+            *(("distal", "coupling"), ("intermediate", "coupler"), ("coupler", "driver")),
+            ("driver", "proximal"),
+        )
+    }
+    simulated = Simulated(text)
+    straight = simulated.coordinate("intermediate on world")
+    for command in np.deg2rad(np.linspace(0.0, 90.0, 7)):
+        simulated.settle([straight - command])
+        assert touching(simulated) == []
+        assert simulated.gap() < PINS
+        pip = -simulated.coordinate("intermediate on world")
+        assert pip == pytest.approx(command, abs=ANGLE)
+        dip = -simulated.coordinate("distal on intermediate")
+        wanted = find_coupled_postures(finger, jnp.array([pip])).dip[0]
+        assert dip == pytest.approx(float(wanted), abs=FOUND[1])
+
+
 def test_parts_that_run_into_each_other_touch():
     """With axles 10 mm thick the bar G-G' runs into that of the PIP joint."""
     finger = designed()
@@ -288,8 +320,9 @@ def test_parts_that_run_into_each_other_touch():
     assert frozenset(("bar", "axle A of proximal")) in pairs
 
 
-def test_sensors_read_the_joints_and_the_camera_looks_at_the_pads():
-    finger = packaged_finger()
+@pytest.mark.parametrize("kind", [*KINDS])
+def test_sensors_read_the_joints_and_the_camera_looks_at_the_pads(kind):
+    finger = finger_of_kind(kind)
     model = mujoco.MjModel.from_xml_string(grasp_mjcf(finger))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -303,7 +336,7 @@ def test_sensors_read_the_joints_and_the_camera_looks_at_the_pads():
     # By the turns of the bodies themselves; flexion is clockwise.
     turns = [_turn(data, body) for body in ("intermediate", "distal")]
     np.testing.assert_allclose([pip, dip], [-turns[0], turns[0] - turns[1]], atol=1e-6)
-    assert pip > 1.0
+    assert pip > 0.99
     assert theta == pytest.approx(start - 1.0, abs=0.1)
     # The camera is where the scene has it, turned with its phalanx, and looks along its axis.
     camera, scene = data.camera("camera"), finger.scene().camera

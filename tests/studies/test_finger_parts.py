@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import tomllib
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,19 +17,20 @@ from designopt import UserError
 from designopt.export.drawing import Polyline
 from designopt.export.parts import Part, Prism, around
 from studies.finger.drawing import make_finger_drawing
-from studies.models import packaged_finger
-from studies.models.finger import FingerMirror
 from studies.models.finger_file import write_finger
-from studies.models.links import OUTLINES
+from studies.models.finger_parts import FingerMirror
+from studies.models.linkage_kinds import KINDS
 from studies.models.manufacture.parts import make_assembly, make_parts
 from studies.models.manufacture.plates import make_plates
 from studies.models.manufacture.section import Section
+from studies.oracles.clearances import postures
 from tests.designopt.export.reading import opened
+from tests.studies.fingers import finger_of_kind
 
 
-@pytest.fixture(scope="module")
-def finger():
-    return packaged_finger()
+@pytest.fixture(scope="module", params=[*KINDS])
+def finger(request):
+    return finger_of_kind(request.param)
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +58,7 @@ def polygon(outline):
 def test_bars_are_what_lies_within_half_their_width_of_their_pins(finger):
     plates, pins = {plate.name: plate for plate in make_plates(finger)}, Section.of(finger).pins
     half = float(finger.links.bar_width) / 2
-    for bar, names in OUTLINES.items():
+    for bar, names in finger.links.kind.outlines.items():
         places = [pins[name] for name in names]
         wanted = shapely.MultiPoint(places).convex_hull.buffer(half, quad_segs=1000)
         assert polygon(plates[bar].outline).symmetric_difference(wanted).area < 1e-3
@@ -93,7 +95,7 @@ def test_every_outline_of_the_drawing_is_closed_with_its_holes(finger):
         drawn = shapely.MultiLineString([[(at.x, at.y) for at in edge] for edge in edges])
         (area,) = shapely.polygonize([shapely.set_precision(drawn, 1e-6)]).geoms
         assert area.area == pytest.approx(plate.outline.area, rel=1e-4)
-    assert len(space.query("LWPOLYLINE[layer=='crank']")) == 1
+    assert {*finger.links.kind.outlines} < {plate.name for plate in make_plates(finger)}
     assert section.axle == float(finger.links.axle_diameter) / 2
 
 
@@ -103,11 +105,17 @@ def test_the_bill_counts_pieces_that_are_there(finger, parts):
     assert sum(row.pieces for row in rows.values()) == len(parts) + sum(
         row.pieces for row in assembly.others
     )
-    assert all(rows[bar].pieces == 2 for bar in OUTLINES)
-    assert sum(row.pieces for item, row in rows.items() if item.startswith("pins")) == 18
+    assert all(rows[bar].pieces == 2 for bar in finger.links.kind.outlines)
+    pins = {"six-bar": 18, "coupled": 10}[finger.links.kind.name]
+    assert sum(row.pieces for item, row in rows.items() if item.startswith("pins")) == pins
     assert assembly.spans[-1].high == float(finger.links.width) / 2
-    spring = next(row for row in assembly.others if "spring" in row.item)
-    assert f"{float(finger.spring.stiffness):g} N mm/rad" in spring.size
+    springs = [row.size for row in assembly.others if "spring" in row.item]
+    assert len(springs) == len(finger.links.kind.springs)
+    assert all(f"{float(finger.spring.stiffness):g} N mm/rad" in size for size in springs)
+    direct = dataclasses.replace(finger, motor=None)
+    motor = next(row for row in make_assembly(direct).others if "motor" in row.item)
+    shaft = {"six-bar": "crank on its shaft F", "coupled": "intermediate phalanx on its shaft A"}
+    assert motor.size == shaft[finger.links.kind.name]
 
 
 def test_a_finger_without_links_has_no_parts(finger):
@@ -205,8 +213,9 @@ def test_walls_are_as_thick_as_they_should_be(finger, written):
     for name in ("proximal phalanx", "intermediate phalanx", "distal phalanx"):
         assert least_wall(solids[name], 4.0).thickness >= shell - 1e-6
     ring = float(finger.links.bar_width - finger.links.pin_diameter) / 2
-    layer = float(finger.links.thickness[finger.links.layer_of("crank")])
-    assert least_wall(solids["crank, right"], 0.5).thickness == pytest.approx(
+    bar = next(iter(finger.links.kind.outlines))
+    layer = float(finger.links.thickness[finger.links.layer_of(bar)])
+    assert least_wall(solids[f"{bar}, right"], 0.5).thickness == pytest.approx(
         min(ring, layer), abs=1e-3
     )
 
@@ -215,7 +224,8 @@ def test_nothing_meets_in_any_posture(finger, written):
     from studies.oracles.solids import find_meetings
 
     solids, folder = written
-    meetings = find_meetings(solids, folder / "finger.toml", steps=4)
+    steps, just = {"six-bar": (4, 0.6), "coupled": (7, 1.0)}[finger.links.kind.name]
+    meetings = find_meetings(solids, folder / "finger.toml", steps=steps)
     assert max(one.shared for one in meetings) < 1e-3
     moving = {one.parts: one.distance for one in meetings if one.postures > 1}
     assert min(moving.values()) > 0.05
@@ -223,10 +233,10 @@ def test_nothing_meets_in_any_posture(finger, written):
     bars = [
         distance
         for (one, other), distance in moving.items()
-        if any(part.split(",")[0] in OUTLINES for part in (one, other))
+        if any(part.split(",")[0] in finger.links.kind.outlines for part in (one, other))
         and not any(part.startswith("pin") for part in (one, other))
     ]
-    assert 0.5 <= min(bars) < 0.6
+    assert 0.5 <= min(bars) < just
 
 
 def test_a_part_in_the_way_is_found(finger, written, parts):
@@ -234,13 +244,14 @@ def test_a_part_in_the_way_is_found(finger, written, parts):
     from studies.oracles.solids import find_meetings
 
     solids, folder = written
-    x, y = Section.of(finger).pins["E"]
+    bar, pins = next(iter(finger.links.kind.outlines.items()))
+    x, y = Section.of(finger).pins[pins[1]]
     corners = (x - 1, y - 1, 0), (x + 1, y - 1, 0), (x + 1, y + 1, 0), (x - 1, y + 1, 0)
-    crank = next(part for part in parts if part.name == "crank, right").prisms[0]
-    brick = Part("intermediate brick", "b", "b", "", "", (Prism(around(*corners), crank.across),))
+    across = next(part for part in parts if part.name == f"{bar}, right").prisms[0].across
+    brick = Part("intermediate brick", "b", "b", "", "", (Prism(around(*corners), across),))
     more = {**solids, brick.name: make_solid(brick)}
     (meeting,) = find_meetings(
-        more, folder / "finger.toml", steps=3, pairs=[("crank, right", brick.name)]
+        more, folder / "finger.toml", steps=3, pairs=[(f"{bar}, right", brick.name)]
     )
     assert meeting.distance == 0.0
     assert meeting.shared > 0.5
@@ -255,6 +266,8 @@ def test_coverage_among_the_solids_is_that_of_the_section(finger, written):
     _, folder = written
     path = folder / "finger.toml"
     degrees = np.array([[0.0, 0.0], [45.0, 20.0], [90.0, 90.0]])
+    if finger.links.kind.freedoms == 1:
+        degrees = np.array(postures(tomllib.loads(path.read_text(encoding="utf-8")), 3))
     section = traced_coverage(path, degrees)
     solids = traced_coverage(path, degrees, solid_faces(folder / "finger.step", path))
     np.testing.assert_allclose(solids, section, atol=1e-5)

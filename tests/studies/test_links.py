@@ -25,7 +25,8 @@ from studies.models.linkage_design.forces import (
 )
 from studies.models.linkage_design.judging import judged
 from studies.models.linkage_design.spec import LimitsSpec, MotorSpec
-from studies.models.links import BARS, LAYERS, WALLS, LinksTable
+from studies.models.linkage_kinds import SIX_BAR
+from studies.models.links import LinksTable
 from studies.models.pins import pin_name
 from studies.oracles.clearances import CARRIERS, polygon_clearances
 from studies.oracles.grasp import Push, Setting, balance
@@ -72,10 +73,13 @@ def test_clearances_are_those_of_polygons(tmp_path, shift):
         assert inside == pytest.approx(found.bars_inside, abs=1e-3)
 
 
+BUT_CRANK = [*SIX_BAR.outlines][1:]
+
+
 def links_floor(finger: Finger, other: str) -> float:
     links = links_of(finger)
     roundings = {"A": links.axle_diameter, "B": links.axle_diameter}
-    roundings |= dict.fromkeys(BARS, links.bar_width)
+    roundings |= dict.fromkeys(SIX_BAR.outlines, links.bar_width)
     return float(links.bar_width + roundings.get(other, 0.0)) / 2
 
 
@@ -96,7 +100,7 @@ def test_bars_that_can_meet_lie_in_one_layer_or_are_crossed():
     wanted = {
         frozenset(pair) for bars in (first, second) for pair in itertools.combinations(bars, 2)
     }
-    wanted |= {frozenset((bar, axle)) for bar in BARS for axle in "AB"}
+    wanted |= {frozenset((bar, axle)) for bar in SIX_BAR.outlines for axle in "AB"}
     assert pairs == wanted
     joined = {pin_name(pin): set(bodies) for pin, bodies in finger.joined().items()}
     assert joined == {pin: set(bodies) for pin, bodies in CARRIERS.items()}
@@ -104,7 +108,7 @@ def test_bars_that_can_meet_lie_in_one_layer_or_are_crossed():
 
 def test_no_other_order_of_layers_joins_neighbours_only():
     """Walls of the outer phalanges, bars in two layers, wall of the intermediate phalanx."""
-    parts = [("proximal", "distal"), *LAYERS[2:]]
+    parts = [("proximal", "distal"), *SIX_BAR.layers[2:]]
     good = []
     for order in itertools.permutations(parts):
         layer = {part: number for number, of in enumerate(order) for part in of}
@@ -118,9 +122,9 @@ def test_no_other_order_of_layers_joins_neighbours_only():
     ("change", "message"),
     [
         ({"thickness": [12.0]}, "thickness has 1 entries and layers 5"),
-        ({"layers": [["crank"], *map(list, LAYERS[1:])]}, "'crank' lies in 2 layers"),
-        ({"layers": [list(WALLS), list(BARS), [], [], []]}, None),
-        ({"layers": [["proximal", "crank"], ["intermediate", "distal"], list(BARS[1:]), [], []]},
+        ({"layers": [["crank"], *map(list, SIX_BAR.layers[1:])]}, "'crank' lies in 2 layers"),
+        ({"layers": [list(SIX_BAR.walls), list(SIX_BAR.outlines), [], [], []]}, None),
+        ({"layers": [["proximal", "crank"], ["intermediate", "distal"], BUT_CRANK, [], []]},
          "crank would move through the wall of proximal"),
         ({"pin_diameter": 4.0}, "leaves nothing of a bar 4 mm wide"),
     ],

@@ -24,8 +24,9 @@ from optics import find_coverage, find_views
 from optics.scene.camera_module import CameraModule
 from optics.scene.writer import scene_tables
 from studies.models.checks import Check, requirement_rows
-from studies.models.finger import Finger, Phalanx, camera_of
+from studies.models.finger import Finger, camera_of
 from studies.models.finger_file import bare_finger, format_finger, packaged_finger, parse_finger
+from studies.models.finger_parts import Phalanx
 from studies.models.mirror_design import design as designing
 from studies.models.mirror_design import problem, requirements, yields
 from studies.models.mirror_design.clearances import (

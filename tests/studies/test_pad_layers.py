@@ -25,7 +25,6 @@ from optics.scene.writer import scene_tables
 from optics.visibility.sharpness import find_sharpness
 from studies.models import Finger
 from studies.models.body import BodySpec
-from studies.models.finger import PHALANGES
 from studies.models.finger_file import (
     bare_finger,
     finger_tables,
@@ -34,6 +33,7 @@ from studies.models.finger_file import (
     parse_finger,
     write_finger,
 )
+from studies.models.finger_parts import PHALANGES
 from studies.models.mirror_design.clearances import dorsal_room
 from studies.models.mirror_design.placement import reference_layout
 from studies.models.mirror_design.postures import find_worst_postures, lost_strips

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
 import tempfile
+import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from designopt.errors import UserError
 from designopt.export.sheet import draw_assembly
@@ -17,9 +18,9 @@ from designopt.study.report import Report
 from designopt.study.results import Results
 from designopt.study.study import Context
 from studies.finger.solids import FingerSolidsSpec
-from studies.models.finger import Finger, camera_of
+from studies.models.finger import camera_of
 from studies.models.finger_file import packaged_finger, read_finger, write_finger
-from studies.models.links import BARS
+from studies.models.links import OUTLINES
 from studies.models.manufacture.parts import make_assembly
 from studies.models.path_tracer import require_mitsuba
 from studies.oracles.judge.solids import Face
@@ -45,6 +46,7 @@ def run(spec: FingerSolidsSpec, context: Context) -> Results:
     require_mitsuba("finger-solids")
     try:
         from designopt.export.solids import make_solid, step_text
+        from studies.oracles.clearances import postures
         from studies.oracles.solid_faces import solid_faces
         from studies.oracles.solids import (
             find_meetings,
@@ -65,10 +67,11 @@ def run(spec: FingerSolidsSpec, context: Context) -> Results:
         step, own = Path(folder) / "finger.step", Path(folder) / "finger.toml"
         step.write_text(step_text(finger.name, assembly.parts), encoding="utf-8")
         write_finger(finger, own)
+        tables = tomllib.loads(own.read_text(encoding="utf-8"))
         solids, parts = read_solids(step), Records()
         for part in assembly.parts:
             solid, wall = solids[part.name], None
-            if part.shell or part.item in BARS:
+            if part.shell or part.item in OUTLINES:
                 wall = round(least_wall(solid).thickness, DIGITS)
             before, after = volume_of(make_solid(part)), volume_of(solid)
             parts.add(
@@ -81,7 +84,8 @@ def run(spec: FingerSolidsSpec, context: Context) -> Results:
         with context.step("Parts apart"):
             found = find_meetings(solids, own, spec.steps)
         with context.step("Rays"):
-            compared = coverage(finger, own, spec.traced, solid_faces(step, own))
+            degrees = np.array(postures(tables, spec.traced))
+            compared = coverage(own, degrees, solid_faces(step, own))
         content = step.read_text(encoding="utf-8")
     meetings = Records()
     for one in sorted(found, key=lambda one: (-one.shared, one.distance)):
@@ -98,7 +102,7 @@ def run(spec: FingerSolidsSpec, context: Context) -> Results:
         )
     moving = meetings.where(meetings["postures"] > 1)
     walls = [wall for wall in parts["least_wall_mm"] if wall is not None]
-    out.values(parts=len(parts), pairs=len(meetings), postures=spec.steps**2)
+    out.values(parts=len(parts), pairs=len(meetings), postures=len(postures(tables, spec.steps)))
     out.metrics(
         not_watertight=len(parts.where(watertight="no")),
         least_wall_mm=min(walls),
@@ -119,11 +123,11 @@ def run(spec: FingerSolidsSpec, context: Context) -> Results:
 
 
 def coverage(
-    finger: Finger, path: Path, count: int, faces: Callable[[float, float], Sequence[Face]]
+    path: Path,
+    degrees: Float[np.ndarray, "postures 2"],
+    faces: Callable[[float, float], Sequence[Face]],
 ) -> Records:
     """Coverage of every pad by rays among the solids, and by rays in the section."""
-    pip, dip = (np.linspace(0.0, end, count) for end in finger.body.ranges_deg)
-    degrees = np.array(list(itertools.product(pip, dip)))
     section, solid = (traced_coverage(path, degrees, one) for one in (None, faces))
     rows = Records()
     for pose, (flat, full) in enumerate(zip(section, solid, strict=True)):

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from studies.models.finger import Body, Finger, FingerSpring
+from studies.models.finger import Finger
+from studies.models.finger_parts import Body, FingerSpring
 from studies.models.grasp.conditions import Problem
 from studies.models.grasp.objects import Circle, Object, Polygon
 from studies.models.grasp.spec import GraspSpec

@@ -23,7 +23,8 @@ from jaxtyping import Array, Float
 
 from designopt.numerics import as_float, safe_sqrt
 from designopt.vectors import rotation
-from studies.models.finger import Finger, FingerSpring, spring_of
+from studies.models.finger import Finger, spring_of
+from studies.models.finger_parts import FingerSpring
 from studies.models.grasp.objects import Object
 from studies.models.grasp.transfer import Joints, pads, transfer
 

@@ -14,10 +14,10 @@ import numpy as np
 
 from kinematics.export.mjcf import Stop, linkage_mjcf
 from kinematics.export.mjcf_bodies import Disc, Pad, PinholeCamera, Volume
-from studies.models.finger import PHALANGES, Finger, camera_of, spring_of
+from studies.models.finger import Finger, camera_of, spring_of
+from studies.models.finger_parts import PHALANGES
 from studies.models.grasp.objects import Circle
 from studies.models.linkage_design.problem import pin_places
-from studies.models.links import OUTLINES
 
 Place = tuple[float, float]
 
@@ -25,7 +25,8 @@ WIDEST = math.radians(120.0)
 """Field of view of a simulator's camera at most: a flat picture of more is all edge."""
 
 MOTOR = "theta"
-"""The input that the motor turns: the crank's angle. Closing makes it smaller."""
+"""The input that the motor turns: the angle of the crank, which is the intermediate phalanx in a
+coupled finger. Closing makes it smaller."""
 
 
 def finger_volumes(finger: Finger) -> list[Volume]:
@@ -49,7 +50,7 @@ def finger_volumes(finger: Finger) -> list[Volume]:
         for side, across in (("left", (low, high)), ("right", (-high, -low))):
             found.append(Volume(f"{name}, {side}", of, corners, rounding, across))
 
-    for bar, pins in OUTLINES.items():
+    for bar, pins in links.kind.outlines.items():
         corners = [at[pin] for pin in pins if pin in at]
         if len(corners) > 1:
             layer = links.layer_of(bar)
@@ -83,16 +84,19 @@ def grasp_mjcf(finger: Finger, thing: Circle | None = None) -> str:
     control of the actuator `MOTOR`) and the crank, stops of PIP and DIP, and pads that touch an
     object without friction. The proximal pad is there for objects that a user adds. Parts touch
     each other, but for those of bodies that share a pin; see `finger_volumes`. Sensors ``pip`` and
-    ``dip`` read the flexion of the joints, and there is the finger's camera.
+    ``dip`` read the flexion of the joints, and there is the finger's camera. A coupled finger has
+    no spring, its bar is the only stop of DIP, and its motor reaches the angle that it is given.
 
     Args:
         finger: its body, pins and spring.
         thing: what it closes on, if anything.
 
     Raises:
-        UserError: the finger has no pins, or no spring.
+        UserError: the finger has no pins, or no spring that its linkage needs.
     """
-    spring, (pip, dip) = spring_of(finger), map(float, finger.body.flexions)
+    kind = finger.kind
+    motors = {MOTOR: float(spring_of(finger).servo)} if kind.springs else None
+    joints = zip(kind.inputs["joints"], map(float, finger.body.flexions), strict=False)
     ends = dict(zip(PHALANGES, np.asarray(finger.pads(), float).tolist(), strict=True))
     discs = []
     if thing is not None:
@@ -100,11 +104,8 @@ def grasp_mjcf(finger: Finger, thing: Circle | None = None) -> str:
         discs.append(Disc("object", (x, y), float(thing.radius)))
     return linkage_mjcf(
         finger.linkage("crank"),
-        motors={MOTOR: float(spring.servo)},
-        stops=[
-            Stop(("proximal", "intermediate"), -pip, 0.0),
-            Stop(("intermediate", "distal"), -dip, 0.0),
-        ],
+        motors=motors,
+        stops=[Stop((host, body), -end, 0.0) for (_, body, host), end in joints],
         pads=[
             Pad(f"{name} pad", name, (start[0], start[1]), (end[0], end[1]))
             for name, (start, end) in ends.items()

@@ -9,7 +9,8 @@ from jaxtyping import Array, Float
 
 from designopt.numerics import safe_divide
 from designopt.vectors import Vector, rotation
-from studies.models.finger import Body, Finger, pins_of
+from studies.models.finger import Finger, pins_of
+from studies.models.finger_parts import Body
 from studies.models.linkage_design.postures import turn_dyad
 
 Joints = Float[Array, "2"]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -11,10 +12,14 @@ from jaxtyping import Float
 from studies.models.checks import Check
 from studies.models.finger import Finger, links_of
 from studies.models.link_layers import Links, Meeting
+from studies.models.linkage_design.coupling.judging import CoupledVerdict, judge_coupled
+from studies.models.linkage_design.coupling.searching import search_coupling
+from studies.models.linkage_design.coupling.tolerance import least_coupled_angles
 from studies.models.linkage_design.judging import Verdict, judged
-from studies.models.linkage_design.searching import Search, search
-from studies.models.linkage_design.spec import FingerLinkageSpec, LimitsSpec
+from studies.models.linkage_design.searching import Search, search, search_on
+from studies.models.linkage_design.spec import FingerLinkageSpec, LimitsSpec, MotorSpec
 from studies.models.linkage_design.tolerance import least_angles
+from studies.models.linkage_kinds import KindName
 
 
 @dataclass(frozen=True)
@@ -31,7 +36,7 @@ class LinkageDesign:
 
     finger: Finger
     search: Search
-    verdict: Verdict
+    verdict: Verdict | CoupledVerdict
     width: Check
     drawn: Float[np.ndarray, " draws"]
 
@@ -39,6 +44,34 @@ class LinkageDesign:
     def unmet(self) -> list[Check]:
         """Requirements that are not met, but for the transmission angle."""
         return [check for check in (*self.verdict.checks, self.width) if not check.met]
+
+
+class Methods(NamedTuple):
+    """How linkages of a kind are designed and judged.
+
+    Attributes:
+        search: from settings, a seed, and the parts to keep apart (see `searching.search`).
+        search_on: from settings, a search for others (see `searching.search_on`), and a seed.
+        judge: a finger over all postures.
+        draw: the least angle of finger after finger with errors, degrees.
+    """
+
+    search: Callable[[FingerLinkageSpec, int, Sequence[Meeting] | None], Search]
+    search_on: Callable[[FingerLinkageSpec, Search, int], Search]
+    judge: Callable[[Finger, LimitsSpec, MotorSpec], Verdict | CoupledVerdict]
+    draw: Callable[[Finger, float, int, int], Float[np.ndarray, " draws"]]
+
+
+METHODS: dict[KindName, Methods] = {
+    "six-bar": Methods(search, lambda spec, found, _: search_on(spec, found), judged, least_angles),
+    # Searched anew it takes little time.
+    "coupled": Methods(
+        lambda spec, seed, _: search_coupling(spec, seed),
+        lambda spec, _, seed: search_coupling(spec, seed),
+        judge_coupled,
+        least_coupled_angles,
+    ),
+}
 
 
 def design_linkage(
@@ -51,21 +84,33 @@ def design_linkage(
         seed: of the search's starts and of the tolerance study's draws.
         near: see `searching.search`.
     """
-    return judged_design(spec, search(spec, seed, near), seed)
+    return _judged(spec, search_linkage(spec, seed, near), seed)
 
 
-def judged_design(spec: FingerLinkageSpec, found: Search, seed: int) -> LinkageDesign:
-    """What was found, judged.
+def search_linkage(
+    spec: FingerLinkageSpec, seed: int, near: Sequence[Meeting] | None = None
+) -> Search:
+    """The best linkage of the kind that a spec asks for; arguments as of `design_linkage`."""
+    return METHODS[spec.kind].search(spec, seed, near)
+
+
+def design_nearby(spec: FingerLinkageSpec, found: Search, seed: int) -> LinkageDesign:
+    """The best linkage near one that was found for other settings, judged.
 
     Args:
         spec: the study's settings.
-        found: a search with them.
-        seed: of the tolerance study's draws.
+        found: see `searching.search_on`.
+        seed: as in `design_linkage`.
     """
-    verdict = judged(found.finger, spec.limits, spec.motor)
-    width = layers_fit(spec.limits, links_of(found.finger))
-    drawn = least_angles(found.finger, spec.tolerance, spec.draws, seed)
-    return LinkageDesign(found.finger, found, verdict, width, drawn)
+    return _judged(spec, METHODS[spec.kind].search_on(spec, found, seed), seed)
+
+
+def _judged(spec: FingerLinkageSpec, found: Search, seed: int) -> LinkageDesign:
+    methods, finger = METHODS[spec.kind], found.finger
+    verdict = methods.judge(finger, spec.limits, spec.motor)
+    width = layers_fit(spec.limits, links_of(finger))
+    drawn = methods.draw(finger, spec.tolerance, spec.draws, seed)
+    return LinkageDesign(finger, found, verdict, width, drawn)
 
 
 def layers_fit(limits: LimitsSpec, links: Links) -> Check:

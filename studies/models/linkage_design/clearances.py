@@ -7,11 +7,11 @@ flexion opens between the faces, as paper B's fins and its cloth do, end in such
 this section is convex, so a bar lies inside it where its pins do.
 
 On the palmar side it is not: of a bent joint the palmar faces, which end where the pads do
-(`finger.Body.gaps`), enclose a corner, and a bar with pins beside both phalanges may cut it. A bar
-with all pins beside one phalanx cannot. In the frame of this phalanx, a point of the neighbour's
-face that is x from the axis and t above the palmar plane is −x sin r − (h − t) cos r high when the
-joint is bent by r. That is at most t − h, as x is h tan r/2 or more (the least gap): the
-neighbour's face stays below the inner side of its own, from which its pins keep away.
+(`finger_parts.Body.gaps`), enclose a corner, and a bar with pins beside both phalanges may cut it.
+A bar with all pins beside one phalanx cannot. In the frame of this phalanx, a point of the
+neighbour's face that is x from the axis and t above the palmar plane is −x sin r − (h − t) cos r
+high when the joint is bent by r. That is at most t − h, as x is h tan r/2 or more (the least gap):
+the neighbour's face stays below the inner side of its own, from which its pins keep away.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from jaxtyping import Array, Float
 
 from designopt.vectors import Vector
 from kinematics.solve.clearance import find_separation
-from studies.models.finger import Body, Finger, links_of
+from studies.models.finger import Finger, links_of
+from studies.models.finger_parts import Body
 from studies.models.link_layers import Meeting, find_meetings
 from studies.models.linkage_design.postures import Postures
 from studies.models.links import AXLES, OUTLINES
@@ -32,21 +33,8 @@ from studies.models.pins import pin_name
 FACES = {"proximal": "OA", "intermediate": "AB", "distal": "BT"}
 """The phalanges by the ends of their axes, which their palmar faces are parallel to."""
 
-BESIDE = {"rod": "A", "plate": "B"}
-"""Bars with pins beside both phalanges of a joint, and its axle."""
-
-HOSTS = {
-    "F": "proximal",
-    "E": "proximal",
-    "D": "intermediate",
-    "G": "intermediate",
-    "H": "intermediate",
-    "C": "distal",
-    "K": "proximal",
-}
-"""The phalanx beside which a pin lies, in whose frame it is looked at. (An argument from their
-motions: F, G and C are fixed there, E and K swing beside the proximal phalanx, D and G' beside the
-intermediate one.)"""
+BESIDE = {"rod": "A", "plate": "B", "coupling": ""}
+"""Bars with pins beside both phalanges of a joint, and its axle; of one beside both joints none."""
 
 
 def name_of(meeting: Meeting) -> str:

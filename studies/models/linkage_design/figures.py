@@ -20,6 +20,7 @@ from designopt.study.records import Records
 from designopt.study.report import Report
 from studies.models.finger import Finger
 from studies.models.linkage_design.analysis import LinkageDesign
+from studies.models.linkage_design.coupling.judging import CoupledVerdict
 from studies.models.linkage_design.judging import Verdict
 from studies.models.linkage_design.spec import LimitsSpec
 from studies.models.section import draw_finger
@@ -47,6 +48,38 @@ def draw_sequences(finger: Finger) -> Figure:
     for axis in axes[1]:
         axis.set_xlabel("x (mm)")
     share_limits(axes.ravel())
+    return drawing
+
+
+def draw_closing(finger: Finger, verdict: CoupledVerdict) -> Figure:
+    """A coupled finger on its way."""
+    drawing, [row] = new_figure(1, 4, height=2.6)
+    last = len(verdict.pip_deg) - 1
+    for axis, index in zip(row, (0, last // 3, 2 * last // 3, last), strict=True):
+        degrees = verdict.pip_deg[index], verdict.dip_deg[index]
+        draw_finger(axis, finger, np.deg2rad(degrees))
+        axis.set_title(f"PIP {degrees[0]:.0f}°, DIP {abs(degrees[1]):.0f}°", fontsize=8)
+        axis.tick_params(labelsize=7)
+        axis.set_xlabel("x (mm)")
+    row[0].set_ylabel("y (mm)")
+    share_limits(row)
+    return drawing
+
+
+def draw_curve(verdict: CoupledVerdict) -> Figure:
+    """DIP, its slope and the transmission angles of a coupled finger over PIP."""
+    drawing, [row] = new_figure(1, 3, height=2.8)
+    shown = (
+        ("DIP (°)", {"DIP": verdict.dip_deg}),
+        ("dDIP/dPIP", {"ratio": verdict.ratio}),
+        ("transmission angle (°)", verdict.angles_deg),
+    )
+    for axis, (label, lines) in zip(row, shown, strict=True):
+        for (name, values), color in zip(lines.items(), PALETTE, strict=False):
+            axis.plot(verdict.pip_deg, values, color=color, label=as_mathtext(name))
+        axis.set(xlabel="PIP (°)", ylabel=label, xticks=angle_ticks(verdict.pip_deg[-1]))
+        if len(lines) > 1:
+            axis.legend()
     return drawing
 
 
@@ -118,10 +151,14 @@ def add_figures(out: Report, limits: LimitsSpec, design: LinkageDesign) -> None:
     """Figures of a designed linkage."""
     verdict = design.verdict
     out.figure("finger", draw_straight(design.finger), most=5)
-    out.figure("sequences", draw_sequences(design.finger), most=5)
-    out.figure("transmission", draw_maps(verdict))
-    ratios = {"turn of the crank (°)": verdict.crank_deg, "φ₂/φ₁": verdict.ratio}
-    out.figure("ratios", draw_over_postures((verdict.pip_deg, verdict.dip_deg), ratios))
+    if isinstance(verdict, CoupledVerdict):
+        out.figure("coupled", draw_closing(design.finger, verdict), most=5)
+        out.figure("curve", draw_curve(verdict))
+    else:
+        out.figure("sequences", draw_sequences(design.finger), most=5)
+        out.figure("transmission", draw_maps(verdict))
+        ratios = {"turn of the crank (°)": verdict.crank_deg, "φ₂/φ₁": verdict.ratio}
+        out.figure("ratios", draw_over_postures((verdict.pip_deg, verdict.dip_deg), ratios))
     nominal, required = verdict.least_deg, limits.transmission_deg
     marks = {f"without errors {nominal:.1f}°": nominal, f"required {required:g}°": required}
     least = Records({"least_transmission_angle_deg": design.drawn})

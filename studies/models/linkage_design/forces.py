@@ -23,22 +23,30 @@ SIDES = 2
 """Linkages side by side."""
 
 
-class PinchForces(eqx.Module):
-    """A pinch over angles of PIP; all of both sides together.
+class Loads(eqx.Module):
+    """What pins and bars carry over angles of PIP; all of both sides together.
 
     Attributes:
-        crank_moment: T_a, with which the motor holds it, N mm.
-        stop: λ, moment of the DIP joint's stop, N mm, positive while the pad stays straight.
         pins: size of the force on every pin, N, by its name.
         bending: largest bending moment in a bar, N mm, by its name.
         axial: largest force along a bar, N, by its name.
     """
 
-    crank_moment: Float[Array, " pip"]
-    stop: Float[Array, " pip"]
     pins: dict[str, Float[Array, " pip"]]
     bending: dict[str, Float[Array, " pip"]]
     axial: dict[str, Float[Array, " pip"]]
+
+
+class PinchForces(Loads):
+    """A pinch over angles of PIP.
+
+    Attributes:
+        crank_moment: T_a, with which the motor holds it, N mm.
+        stop: λ, moment of the DIP joint's stop, N mm, positive while the pad stays straight.
+    """
+
+    crank_moment: Float[Array, " pip"]
+    stop: Float[Array, " pip"]
 
 
 def find_pinch_forces(
@@ -106,7 +114,7 @@ def find_pinch_forces(
         axial |= {"coupler": pull.length(), "driver": pull.length()}
         bending["driver"] = moment
     sizes = {name: each.length() for name, each in forces.items()}
-    return PinchForces(moment, stop, sizes, bending, axial)
+    return PinchForces(sizes, bending, axial, moment, stop)
 
 
 def find_held_force(
@@ -144,8 +152,8 @@ class Stresses(eqx.Module):
     pins: dict[str, Float[Array, " pip"]]
 
 
-def find_stresses(finger: Finger, forces: PinchForces) -> Stresses:
-    """Stresses in bars and pins of a pinch.
+def find_stresses(finger: Finger, forces: Loads) -> Stresses:
+    """Stresses in bars and pins under loads, such as of a pinch.
 
     In a bar that of the force along it and of bending, added up, over the section with a pin's
     hole; the plate counts as a bar, though it is wider. In a pin bending and single shear between

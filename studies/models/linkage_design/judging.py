@@ -18,7 +18,6 @@ from kinematics.solve.solver import Pose
 from studies.models.checks import Check
 from studies.models.finger import Finger, links_of, pins_of
 from studies.models.linkage_design.clearances import (
-    HOSTS,
     faces_of,
     find_clearances,
     find_face_meetings,
@@ -41,6 +40,7 @@ from studies.models.linkage_design.problem import (
 )
 from studies.models.linkage_design.spec import LimitsSpec, MotorSpec
 from studies.models.linkage_design.transmission import finger_transmission
+from studies.models.linkage_kinds import SIX_BAR
 from studies.models.pins import pin_name
 
 STEP_DEG = 1.0
@@ -175,7 +175,7 @@ def motor_angle(pose: Pose) -> Float[Array, "*batch"]:
 def _inside(finger: Finger, pose: Pose, limits: LimitsSpec) -> list[Check]:
     checks, keep = [], float(from_faces(finger, limits))
     for name in pins_of(finger).names:
-        host, place = HOSTS[name], pose.joints[pin_name(name)]
+        host, place = SIX_BAR.hosts[name], pose.joints[pin_name(name)]
         if host != "proximal":  # whose body points from O to A, and is fixed
             origin = pose.joints["B" if host == "distal" else "A"]
             place = (place - origin).turned(pose.bodies[host].conjugate())

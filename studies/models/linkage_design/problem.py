@@ -18,10 +18,10 @@ from jaxtyping import Array, Float
 from designopt.io.spec import Spec
 from designopt.optimize import Evaluation, Problem, Requirement
 from designopt.vectors import Vector, rotation, vector
-from studies.models.finger import Body, Finger, links_of, pins_of, spring_of
+from studies.models.finger import Finger, linkage_pins, links_of, pins_of, spring_of
+from studies.models.finger_parts import Body
 from studies.models.link_layers import Meeting
 from studies.models.linkage_design.clearances import (
-    HOSTS,
     clearances_at,
     faces_of,
     find_free_meetings,
@@ -29,7 +29,7 @@ from studies.models.linkage_design.clearances import (
 )
 from studies.models.linkage_design.postures import Postures, postures_at
 from studies.models.linkage_design.spec import LimitsSpec, MotorSpec
-from studies.models.links import OUTLINES, WALLS
+from studies.models.linkage_kinds import SIX_BAR, LinkageKind
 from studies.models.pins import Pins, pin_name
 
 LENGTH = 5.0
@@ -52,9 +52,6 @@ PINCH, TIP = "pinch held", "force at the tip"
 MOTOR = "transmission from the motor"
 """Name of the requirement on the parallelogram's own angle."""
 
-ON_LINKS = {f"{phalanx} phalanx": pins for phalanx, pins in WALLS.items()} | OUTLINES
-"""Pins on every link."""
-
 
 def _coordinate(pin: str, index: tuple[int, ...]) -> str:
     return f"{'xy'[index[0]]} of pin {pin_name(pin)}"
@@ -64,29 +61,40 @@ COORDINATES = {pin: Requirement(functools.partial(_coordinate, pin), "mm") for p
 """The parameters as people know them."""
 
 
-def pairs_on_links(pins: str) -> list[tuple[str, str]]:
+def on_links(kind: LinkageKind) -> dict[str, str]:
+    """Pins on every link of a kind of linkage.
+
+    Example:
+        >>> on_links(SIX_BAR)["distal phalanx"]
+        'BC'
+    """
+    walls = {f"{phalanx} phalanx": pins for phalanx, pins in kind.walls.items()}
+    return walls | dict(kind.outlines)
+
+
+def pairs_on_links(pins: str, kind: LinkageKind = SIX_BAR) -> list[tuple[str, str]]:
     """Pins on one link whose distance the pins' places decide."""
     there = "AB" + pins
-    links = ([pin for pin in link if pin in there] for link in ON_LINKS.values())
+    links = ([pin for pin in link if pin in there] for link in on_links(kind).values())
     pairs = (pair for link in links for pair in combinations(link, 2))
     return [pair for pair in pairs if pair != ("A", "B")]
 
 
 def pins_on_links(finger: Finger) -> dict[str, str]:
     """The pins on every link that the finger has."""
-    there = pin_places(finger)
-    pins = {link: "".join(pin for pin in on if pin in there) for link, on in ON_LINKS.items()}
+    there, links = pin_places(finger), on_links(finger.kind)
+    pins = {link: "".join(pin for pin in on if pin in there) for link, on in links.items()}
     return {link: on for link, on in pins.items() if len(on) > 1}
 
 
 def pin_places(finger: Finger) -> dict[str, Float[np.ndarray, "2"]]:
     """Places of A, B and all pins in the straight finger, plain numbers, mm."""
-    pins = pins_of(finger)
+    pins = linkage_pins(finger)
     axes = {"A": np.zeros(2), "B": np.array([finger.body.intermediate, 0.0])}
     places = axes | {name: np.asarray(getattr(pins, name)) for name in pins.names}
     if finger.motor is not None:
         axis = np.asarray(finger.motor.axis(finger.body, pins))
-        places |= {"M": axis, "N": axis + places["K"] - places["F"]}
+        places |= {"M": axis, "N": axis + places["K"] - np.asarray(pins.crank_axis)}
     return places
 
 
@@ -256,7 +264,7 @@ def inequalities(
         "|EF|": (limits.crank_length - allowance - vector(pins.E - pins.F).length()) / LENGTH,
     }
     for name in pins.names:
-        for side, distance in faces_of(places[name], HOSTS[name], body).items():
+        for side, distance in faces_of(places[name], SIX_BAR.hosts[name], body).items():
             found[f"pin {pin_name(name)} inside the {side}"] = (distance - keep) / LENGTH
     if limits.force_ratio is not None:
         bound = limits.force_ratio * (1 - turned)
@@ -330,7 +338,7 @@ def _requirements(
     dip_deg: Float[np.ndarray, " dip"],
 ) -> dict[str, Requirement]:
     lengths = ["assembly of B-C-G'-G", "assembly of A-D-E-F", "|AF|", "|EF|"]
-    for name in HOSTS:
+    for name in SIX_BAR.hosts:
         for side in ("palmar face", "dorsal face", "rear end", "tip"):
             lengths.append(f"pin {pin_name(name)} inside the {side}")
     lengths += map(name_of, find_free_meetings(finger))

@@ -6,7 +6,7 @@ import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -32,7 +32,8 @@ from designopt.optimize import (
     select_starts,
 )
 from designopt.vectors import rotation
-from studies.models.finger import Body, Finger, FingerMotor, FingerSpring, pins_of
+from studies.models.finger import Finger, pins_of
+from studies.models.finger_parts import Body, FingerMotor, FingerSpring
 from studies.models.link_layers import Links, Meeting
 from studies.models.linkage_design.clearances import clearances_at, find_free_meetings, name_of
 from studies.models.linkage_design.judging import STEP_DEG
@@ -46,10 +47,13 @@ from studies.models.linkage_design.problem import (
     with_motor_pin,
 )
 from studies.models.linkage_design.spec import FingerLinkageSpec
-from studies.models.pins import Pins
+from studies.models.linkage_kinds import KINDS
+from studies.models.pins import AnyPins, Pins
 
 FLOOR = -math.pi / 2 / ANGLE
 """No transmission angle exceeds a right angle, so no scaled objective falls below this."""
+
+P = TypeVar("P", bound=AnyPins)
 
 UPDATES, STEPS = 12, 150
 
@@ -239,10 +243,14 @@ def _finished(
 
 
 def blank_finger(spec: FingerLinkageSpec) -> Finger:
-    """A finger with the settings' body, spring, links and motor, whose pins are looked for."""
+    """A finger with the settings' body, links and motor, whose pins are looked for.
+
+    It has their spring, too, if its kind of linkage has one.
+    """
     motor = spec.motor
     driven = FingerMotor(motor.behind, motor.above) if motor.parallelogram else None
-    spring = FingerSpring(**spec.spring.model_dump())
+    kind = KINDS[spec.kind]
+    spring = FingerSpring(**spec.spring.model_dump()) if kind.springs else None
     return Finger.of(Body.of(spec.body), None, spring, links=Links.of(spec.links), motor=driven)
 
 
@@ -265,7 +273,7 @@ def _shortfall(last: Round, starts: Starts) -> Optimum:
     both = jax.tree.map(
         lambda leaf, *others: jnp.concatenate([leaf, jnp.stack(others)]), first, *designs
     )
-    begin = EpigraphVariables(both, jnp.ones(len(both.F)))
+    begin = EpigraphVariables(both, jnp.ones(len(jax.tree.leaves(both)[0])))
     # Without the box, in whose corners there are local minima; faces are requirements.
     ends = minimize(make_elastic(unbounded(last.problem)), begin, "slsqp").found
     return min(ends, key=lambda one: (not bool(one.solution.ok), one.objective))
@@ -401,7 +409,7 @@ def exact(problem: Problem) -> Problem:
     return make_epigraph(problem, scale=ANGLE)
 
 
-def rounded(pins: Pins, step: float) -> Pins:
+def rounded(pins: P, step: float) -> P:
     """The design with every coordinate a multiple of a step, mm."""
     # The second rounding, to 10 decimals, takes away what binary fractions leave.
     return jax.tree.map(

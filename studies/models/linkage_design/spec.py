@@ -10,9 +10,10 @@ from designopt.io.spec import Spec
 from designopt.study.settings import setting
 from studies.models.body import BodySpec
 from studies.models.body import Length as Positive
+from studies.models.linkage_kinds import KINDS, KindName
 from studies.models.links import LinksTable
 
-DECIDING = {"body", "limits", "links", "motor", "search"}
+DECIDING = {"kind", "body", "limits", "links", "motor", "search"}
 """The settings on which the design depends; the others decide how it is judged."""
 
 Stiffness = Annotated[float, Field(ge=1e-6, le=1e6)]
@@ -47,6 +48,12 @@ class LimitsSpec(Spec):
     pinch_at: Positive = setting(20.0, "k₂, place of that pinch from the DIP axis (mm)")
     tip_force: float = setting(
         5.0, "least force at the tip of the distal pad with the motor's moment (N)", ge=0, le=1e4
+    )
+    dip_error_deg: float = setting(
+        1.0,
+        "of a coupled finger: greatest error of DIP where PIP is at its end (degrees)",
+        gt=0,
+        le=45,
     )
     closing_s: Positive = setting(1.0, "greatest time in which the motor closes the finger (s)")
     safety: float = setting(
@@ -97,6 +104,12 @@ class LinkageSpec(Spec):
     Targets are what the settings require, so they apply whatever these are.
     """
 
+    kind: KindName = setting(
+        "six-bar",
+        "paper B's underactuated 'six-bar', or 'coupled': one bar makes DIP follow PIP, which "
+        "needs higher axes and a shorter arm, such as body.axis_height 9.5 and motor.arm 11",
+        free=True,
+    )
     limits: LimitsSpec = setting(LimitsSpec(), "what every posture must leave", free=True)
     links: LinksTable = setting(LinksTable(), "widths and layers of the links", free=True)
     motor: MotorSpec = setting(MotorSpec(), "the motor and its parallelogram", free=True)
@@ -105,6 +118,33 @@ class LinkageSpec(Spec):
         0.1, "error of every coordinate of a pin, 1 σ (mm)", free=True, ge=0, le=10
     )
     draws: int = setting(2000, "draws of the tolerance study", free=True, ge=10, le=1_000_000)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _layers_by_kind(cls, data: Any) -> Any:
+        """Layers are those of the kind of linkage where none or the usual ones are given.
+
+        The usual ones of another kind are in files whose kind was changed and nothing else.
+        """
+        if not isinstance(data, dict):
+            return data
+        links = data.get("links", {})
+        usual = {kind.name: [list(parts) for parts in kind.layers] for kind in KINDS.values()}
+        own = [layers for name, layers in usual.items() if name == data.get("kind")]
+        if not own or not isinstance(links, dict):
+            return data
+        if links.get("layers") not in (None, *usual.values()):
+            return data
+        return data | {"links": links | {"layers": own[0]}}
+
+    @model_validator(mode="after")
+    def _links_of_the_kind(self) -> LinkageSpec:
+        if self.links.kind.name != self.kind:
+            raise ValueError(
+                f"links.layers are of a {self.links.kind.name} linkage and kind is {self.kind}: "
+                "correct 'layers', or leave them out"
+            )
+        return self
 
 
 class FingerLinkageSpec(LinkageSpec):

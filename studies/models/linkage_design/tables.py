@@ -7,9 +7,11 @@ import numpy as np
 from designopt.study.records import Records
 from designopt.study.report import Report
 from studies.models.checks import Check, requirement_rows
-from studies.models.finger import Finger, links_of, pins_of
+from studies.models.finger import Finger, linkage_pins, links_of
 from studies.models.link_layers import Links
 from studies.models.linkage_design.analysis import LinkageDesign
+from studies.models.linkage_design.coupling.judging import CoupledVerdict
+from studies.models.linkage_design.judging import Verdict
 from studies.models.linkage_design.problem import ANGLE, pairs_on_links, pin_places, pins_on_links
 from studies.models.linkage_design.spec import LimitsSpec
 from studies.models.pins import pin_name
@@ -32,7 +34,10 @@ def add_tables(out: Report, limits: LimitsSpec, design: LinkageDesign) -> None:
         unit=[f"° per {one.unit or '1'}" for one in held],
         share=[one.share for one in held],
     )
-    out.table("trajectories", trajectories(design))
+    if isinstance(design.verdict, CoupledVerdict):
+        out.table("curve", curve(design.verdict))
+    else:
+        out.table("trajectories", trajectories(design.verdict))
     starts = Records()
     for number, one in enumerate(design.search.rounds):
         starts.add(
@@ -59,7 +64,7 @@ def pins(finger: Finger) -> Records:
 def lengths(finger: Finger) -> Records:
     """Distances of the pins on every link."""
     at, found = pin_places(finger), Records()
-    pairs = pairs_on_links(pins_of(finger).names)
+    pairs = pairs_on_links(linkage_pins(finger).names, finger.kind)
     for link, names in pins_on_links(finger).items():
         for first, second in pairs:
             if first in names and second in names:
@@ -92,9 +97,23 @@ def requirements(limits: LimitsSpec, design: LinkageDesign) -> Records:
     return requirement_rows((angle, *design.verdict.checks, design.width), prices)
 
 
-def trajectories(design: LinkageDesign) -> Records:
+def curve(verdict: CoupledVerdict) -> Records:
+    """How DIP follows PIP in a coupled finger, and what is transmitted on the way."""
+    angles = {f"{name}_deg": values[::EVERY] for name, values in verdict.angles_deg.items()}
+    return Records(
+        {
+            "pip_deg": verdict.pip_deg[::EVERY],
+            "dip_deg": verdict.dip_deg[::EVERY],
+            "ratio": verdict.ratio[::EVERY],
+            "moment_per_tip_force_mm": verdict.moment[::EVERY],
+            **angles,
+        }
+    )
+
+
+def trajectories(verdict: Verdict) -> Records:
     """Pinch and adaptive closing: crank and transmission angles on the way."""
-    verdict, found = design.verdict, Records()
+    found = Records()
     shape = verdict.crank_deg.shape
     pip = np.arange(0, shape[0], EVERY)
     for mode, dip in (("pinch", np.zeros_like(pip)), ("adaptive", np.minimum(pip, shape[1] - 1))):

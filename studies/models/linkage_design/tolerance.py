@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import replace
+from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +15,9 @@ from designopt.batching import map_in_chunks
 from studies.models.finger import Finger, pins_of
 from studies.models.linkage_design.postures import find_postures
 from studies.models.linkage_design.problem import grids
-from studies.models.pins import Pins
+from studies.models.pins import AnyPins, Pins
+
+P = TypeVar("P", bound=AnyPins)
 
 STEP_DEG = 7.5
 """Step of the postures in which every draw is judged, degrees."""
@@ -39,15 +42,26 @@ def least_angles(
         The least angle over the postures of a square in steps of `STEP_DEG`; 0 where a finger
         cannot be assembled in one of them.
     """
-    pins = pins_of(finger)
+    drawn = draw_pins(pins_of(finger), deviation, draws, seed)
+    return np.asarray(_least_of_each(finger, drawn, *grids(finger.body, STEP_DEG)))
+
+
+def draw_pins(pins: P, deviation: float, draws: int, seed: int) -> P:
+    """Pins with normal, independent errors of every coordinate, along a first axis.
+
+    Args:
+        pins: without errors.
+        deviation: standard deviation, mm.
+        draws: how many.
+        seed: of the draws.
+    """
     structure = jax.tree.structure(pins)
     keys = jax.random.split(jax.random.key(seed), structure.num_leaves)
 
     def sample(place: Float[Array, "2"], key: Array) -> Float[Array, "draws 2"]:
         return place[None] + deviation * jax.random.normal(key, (draws, 2), place.dtype)
 
-    drawn = jax.tree.map(sample, pins, jax.tree.unflatten(structure, list(keys)))
-    return np.asarray(_least_of_each(finger, drawn, *grids(finger.body, STEP_DEG)))
+    return jax.tree.map(sample, pins, jax.tree.unflatten(structure, list(keys)))
 
 
 @jax.jit

@@ -7,8 +7,9 @@ import math
 import numpy as np
 
 from designopt.export.parts import Assembly, BillRow, Outline, Part, Span, circle, polygon
-from studies.models.finger import PHALANGES, Finger, camera_of, links_of
-from studies.models.links import AXLES, BARS, OUTLINES
+from studies.models.finger import Finger, camera_of, links_of
+from studies.models.finger_parts import PHALANGES
+from studies.models.links import AXLES
 from studies.models.manufacture.phalanges import (
     camera_half_width,
     camera_outlines,
@@ -66,7 +67,10 @@ def make_assembly(finger: Finger) -> Assembly:
     if spring is not None:
         turn = f"{float(spring.stiffness):g} N mm/rad, wound by {float(spring.preload):g} rad"
         others.append(BillRow("torsion spring at pin C", "spring steel", turn, 1))
-    drive = "drivers on its shaft M" if finger.motor is not None else "cranks on its shaft F"
+    kind = links.kind
+    drive = f"{kind.crank_title} on its shaft {kind.shaft}"
+    if finger.motor is not None:
+        drive = "drivers on its shaft M"
     others += [
         BillRow("geared motor", "bought", drive, 1),
         BillRow("cover of the joints' backs", "black cloth", "light-tight, slack", 2),
@@ -81,8 +85,8 @@ def make_assembly(finger: Finger) -> Assembly:
 
 def _bars(section: Section, finger: Finger) -> list[Part]:
     links, found = links_of(finger), []
-    for bar in BARS:
-        holes = section.holes(OUTLINES[bar])
+    for bar, pins in section.kind.outlines.items():
+        holes = section.holes(pins)
         if len(holes) < 2:
             continue
         low, high = section.layers[links.layer_of(bar)]
@@ -101,7 +105,7 @@ def _pins(section: Section, finger: Finger) -> list[Part]:
         low, high = section.layers[inner][0], section.layers[outer][1]
         [(center, radius, named)] = section.holes(pin)
         # In the one that it is pressed into it does not turn: the wall, if it has one.
-        body = min(bodies, key=lambda one: (one in BARS, one))
+        body = min(bodies, key=lambda one: (one not in PHALANGES, one))
         size = f"⌀{2 * radius:g} × {high - low:.4g} mm"
         kind = "axle" if pin in AXLES else "pin"
         name = f"{kind} {named}"

@@ -16,8 +16,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from designopt.export.parts import Outline, Part, Prism, around, circle, polygon, wrapped
-from studies.models.finger import AXES, OUTWARD, Finger, FingerMirror, Phalanx, camera_of
-from studies.models.links import AXLES, WALLS
+from studies.models.finger import Finger, camera_of
+from studies.models.finger_parts import AXES, OUTWARD, FingerMirror, Phalanx
+from studies.models.links import AXLES
 from studies.models.manufacture.section import (
     ACROSS,
     BESIDE_PADS,
@@ -69,15 +70,18 @@ def make_phalanges(finger: Finger) -> list[Part]:
 def side_wall(section: Section, phalanx: Outer) -> Outline:
     """Outline of an outer phalanx's walls beside the pads, with an ear for the motor's axis."""
     length, low, gap = section.lengths[phalanx], section.strip_top, section.gaps[phalanx]
-    pins = [pin for pin in WALLS[phalanx] if pin in section.pins]
+    pins = [pin for pin in section.kind.walls[phalanx] if pin in section.pins]
     rings = {pin: section.inward(phalanx, section.ring(pin)) for pin in pins}
-    motor, own = rings.pop("M", None), rings.pop(AXES[phalanx])
-    corner, others = (length, low, 0.0), [*rings.values()]
-    above = (length, section.ceiling, 0.0), (STEP, section.ceiling, 0.0)
-    upper = 2 * wrapped(corner, *above, *others, own)
-    first = upper.index(corner)
-    discs = [*upper[first : upper.index(own, first) + 1], (gap, low, 0.0)]
-    for u, y, radius in sorted(others):
+    motor, others = rings.pop("M", None), sorted(rings.values())
+    # Before the pad the wall reaches round the axle and the pins about it.
+    near = [ring for ring in others if ring[0] - ring[2] < gap]
+    begin = max([gap, *(u + radius for u, y, radius in near if y - radius < low)])
+    corner, top = (length, low, 0.0), (length, section.ceiling, 0.0)
+    foremost = (begin, low, 0.0)
+    upper = 2 * wrapped(top, (STEP, section.ceiling, 0.0), *near, foremost)
+    first = upper.index(top)
+    discs = [corner, *upper[first : upper.index(foremost, first) + 1]]
+    for u, y, radius in others:
         if y - radius < low < y + radius and gap < u - radius and u + radius < length - POST:
             # The post below it is part of the wall.
             discs += [(u - radius, low, 0.0), (u, y, radius), (u + radius, low, 0.0)]
@@ -96,7 +100,7 @@ def cheek(section: Section) -> Outline:
     (pip, dip), middle, radius = section.gaps.values(), section.middle, section.cheek
     rear, front = (-radius, -STEP / 2, 0.0), (middle + radius, -STEP / 2, 0.0)
     pad = (pip, section.palmar, 0.0), (middle - dip, section.palmar, 0.0)
-    rings = [section.ring(pin) for pin in WALLS["intermediate"]]
+    rings = [section.ring(pin) for pin in section.kind.walls["intermediate"]]
     below = 2 * wrapped(rear, *pad, *rings, front)
     first = below.index(rear)
     return around(
@@ -132,10 +136,10 @@ def _posts(section: Section, phalanx: Phalanx) -> list[tuple[float, float]]:
     else:
         start, end = middle + dip, middle + length
         posts = [(start, start + POST), (end - rim - POST, end)]
-    for pin in WALLS[phalanx]:
+    for pin in section.kind.walls[phalanx]:
         if pin in section.pins and pin not in (*AXLES, "M"):
             x, y, radius = section.ring(pin)
-            if y - radius < section.strip_top:
+            if y - radius < section.strip_top and start < x + radius and x - radius < end:
                 posts.append((max(x - radius, start), min(x + radius, end)))
     return _merged(sorted(posts), POST)
 
@@ -158,7 +162,9 @@ def _outer(section: Section, phalanx: Outer, finger: Finger) -> list[Prism]:
     ledge = section.box(phalanx, gap, length, palmar, palmar + shell)
     end = section.box(phalanx, length - shell, length, low, dorsal)
     found = [
-        *sides(side_wall(section, phalanx), inner, outer, section.holes(WALLS[phalanx])),
+        *sides(
+            side_wall(section, phalanx), inner, outer, section.holes(section.kind.walls[phalanx])
+        ),
         through(section.box(phalanx, section.play, length, section.ceiling, dorsal), widest),
         through(end, widest if phalanx == "distal" else outer),
         *sides(ledge, outer, widest),
@@ -221,7 +227,7 @@ def _middle(section: Section, finger: Finger) -> list[Prism]:
     play, shell = section.play, section.shell
     ledge = rectangle(pip, middle - dip, palmar, palmar + shell)
     found = [
-        *sides(cheek(section), within, widest, section.holes(WALLS["intermediate"])),
+        *sides(cheek(section), within, widest, section.holes(section.kind.walls["intermediate"])),
         through(rectangle(play, middle - play, section.ceiling, section.dorsal), widest),
         *sides(ledge, outer, widest),
     ]
@@ -258,6 +264,6 @@ def _drilled(section: Section, phalanx: str) -> list[Prism]:
     layer = ACROSS if phalanx == "intermediate" else BESIDE_PADS
     low, high = section.layers[layer]
     spare, found = section.play / 2, []
-    for hole in section.holes(WALLS[phalanx]):
+    for hole in section.holes(section.kind.walls[phalanx]):
         found += sides(circle(*hole.center, hole.radius), low - spare, high + spare)
     return found

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 from designopt.export.parts import Hole, Outline, hull, polygon
 from studies.models.finger import Finger
-from studies.models.links import BARS, OUTLINES, WALLS
 from studies.models.manufacture.phalanges import cheek, mirror_corners, side_wall
 from studies.models.manufacture.section import Section
 
@@ -37,11 +36,11 @@ def make_plates(finger: Finger) -> list[Plate]:
         "distal": side_wall(section, "distal"),
     }
     found = [
-        Plate(f"{name} wall", outline, section.holes(WALLS[name]))
+        Plate(f"{name} wall", outline, section.holes(section.kind.walls[name]))
         for name, outline in walls.items()
     ]
-    for bar in BARS:
-        holes = section.holes(OUTLINES[bar])
+    for bar, pins in section.kind.outlines.items():
+        holes = section.holes(pins)
         if len(holes) > 1:
             found.append(Plate(bar, bar_outline(section, bar), holes))
     glass = mirror_glass(finger)
@@ -50,9 +49,8 @@ def make_plates(finger: Finger) -> list[Plate]:
 
 def bar_outline(section: Section, bar: str) -> Outline:
     """Outline of a bar: round about its pins."""
-    return hull(
-        *((*section.pins[pin], section.bar) for pin in OUTLINES[bar] if pin in section.pins)
-    )
+    pins = (pin for pin in section.kind.outlines[bar] if pin in section.pins)
+    return hull(*((*section.pins[pin], section.bar) for pin in pins))
 
 
 def mirror_glass(finger: Finger) -> dict[str, Outline]:

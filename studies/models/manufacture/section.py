@@ -18,13 +18,14 @@ from designopt.export.drawing import Place
 from designopt.export.parts import Disc, Hole, Outline, Prism, polygon
 from studies.models.finger import Finger, links_of
 from studies.models.linkage_design.problem import pin_places
-from studies.models.links import AXLES, LAYERS
+from studies.models.linkage_kinds import LinkageKind
+from studies.models.links import AXLES
 from studies.models.pins import pin_name
 
 Outer = Literal["proximal", "distal"]
 
-BESIDE_PADS, ACROSS = 1, len(LAYERS) - 1
-"""Layers of the outer phalanges' walls and of the intermediate phalanx's."""
+BESIDE_PADS, ACROSS = 1, -1
+"""Layers of the outer phalanges' walls and of the intermediate phalanx's, of every linkage."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,7 @@ class Section:
     """What the parts have in common.
 
     Attributes:
+        kind: of the linkage.
         pins: places of A, B and all pins.
         layers: inner and outer side of every layer of the linkage, |z|.
         shell: thickness of walls; also what is left around a hole in one.
@@ -47,6 +49,7 @@ class Section:
         stack: thickness of the layers on a pad; that of a wall where pads are bare.
     """
 
+    kind: LinkageKind
     pins: Mapping[str, Place]
     layers: tuple[tuple[float, float], ...]
     shell: float
@@ -70,9 +73,10 @@ class Section:
             UserError: it has no pins or links, or the links lie in another order.
         """
         links, body = links_of(finger), finger.body
-        if [set(one) for one in links.layers] != [set(one) for one in LAYERS]:
+        usual = links.kind.layers
+        if [set(one) for one in links.layers] != [set(one) for one in usual]:
             raise UserError(
-                f"{finger.name}: parts are made for links in the order {LAYERS}; correct 'layers' "
+                f"{finger.name}: parts are made for links in the order {usual}; correct 'layers' "
                 "of [links]"
             )
         places = {name: (float(x), float(y)) for name, (x, y) in pin_places(finger).items()}
@@ -80,6 +84,7 @@ class Section:
         stack = shell if finger.layers is None else float(np.sum(finger.layers.thickness))
         pip, dip = map(float, body.gaps)
         return cls(
+            kind=links.kind,
             pins=places,
             layers=tuple((low, high) for low, high in np.asarray(links.edges).tolist()),
             shell=shell,

@@ -23,14 +23,13 @@ from jaxtyping import Array, Float
 from designopt.numerics import safe_sqrt
 from kinematics.solve.clearance import find_separation
 from studies.models.checks import Check
-from studies.models.finger import (
+from studies.models.finger import Finger, camera_of
+from studies.models.finger_parts import (
     OUTWARD,
     PHALANGES,
     Body,
-    Finger,
     FingerMirror,
     Phalanx,
-    camera_of,
     joints_between,
 )
 from studies.models.linkage_design.judging import STEP_DEG

@@ -29,7 +29,8 @@ from jaxtyping import Array, Float, Int
 from designopt.batching import side_by_side
 from designopt.optimize import Evaluation, draw_sobol_starts
 from designopt.study.study import Context
-from studies.models.finger import PHALANGES, Finger
+from studies.models.finger import Finger
+from studies.models.finger_parts import PHALANGES
 from studies.models.mirror_design.clearances import clearance_checks
 from studies.models.mirror_design.errors import sample_errors
 from studies.models.mirror_design.judging import Verdict, judged

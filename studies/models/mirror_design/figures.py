@@ -18,7 +18,7 @@ from designopt.plot.figures import PALETTE, angle_ticks, new_figure
 from optics.plot.scene_drawing import DASHES
 from optics.plot.scene_figures import COLORS, UNSEEN, poses_figure
 from optics.scene.scene import Scene
-from studies.models.finger import PHALANGES
+from studies.models.finger_parts import PHALANGES
 from studies.models.mirror_design.judging import Square, Verdict
 from studies.models.mirror_design.seeing import best_resolution, pad_lengths, together
 from studies.models.mirror_design.yields import STEPS, Sensitivity, Yield

@@ -16,7 +16,8 @@ from designopt.solution import Solution
 from optics import Pieces, Scene, find_coverage, find_views
 from optics.scene.writer import scene_tables
 from optics.visibility.sharpness import find_sharpness
-from studies.models.finger import PHALANGES, Finger, camera_of, joints_between
+from studies.models.finger import Finger, camera_of
+from studies.models.finger_parts import PHALANGES, joints_between
 from studies.models.mirror_design.postures import (
     ROUNDING,
     WorstPostures,

@@ -12,15 +12,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from studies.models.finger import (
-    MOUNT,
-    OUTWARD,
-    Finger,
-    FingerCamera,
-    FingerMirror,
-    Phalanx,
-    camera_of,
-)
+from studies.models.finger import Finger, camera_of
+from studies.models.finger_parts import MOUNT, OUTWARD, FingerCamera, FingerMirror, Phalanx
 from studies.models.mirror_design.clearances import ENDS
 from studies.models.mirror_design.spec import CameraSpec, MirrorSpec
 

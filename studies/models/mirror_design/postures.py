@@ -21,7 +21,8 @@ from designopt.batching import map_blocks
 from optics import Pieces, Scene, describe_end, find_coverage, find_focus, find_views, name_paths
 from optics.visibility.intervals import union
 from optics.visibility.sharpness import find_sharpness
-from studies.models.finger import PHALANGES, Finger
+from studies.models.finger import Finger
+from studies.models.finger_parts import PHALANGES
 from studies.models.mirror_design.seeing import least_resolution, least_spare, pad_lengths
 
 BLOCK = 256

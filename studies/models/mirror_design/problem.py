@@ -16,7 +16,8 @@ from jaxtyping import Array, Float, Int
 from designopt.numerics import as_float
 from designopt.optimize import Evaluation, Problem, Requirement
 from optics.visibility.coverage import find_views
-from studies.models.finger import PHALANGES, Finger, camera_of
+from studies.models.finger import Finger, camera_of
+from studies.models.finger_parts import PHALANGES
 from studies.models.mirror_design.clearances import dorsal_room, find_clearances
 from studies.models.mirror_design.errors import perturb, spread_evenly
 from studies.models.mirror_design.placement import Placement, bounds, scale
