@@ -204,6 +204,15 @@ def test_a_pinch_that_the_motor_cannot_load_is_not_judged(paths, pinches):
     assert bracket(FINGER, replace(pinch, limit=math.inf), weak).agrees is True
 
 
+def test_a_pinch_that_is_lost_beyond_its_limit_has_given_way(paths, pinches):
+    """At the end of a pad it snaps away, and no equilibrium is near."""
+    seen = bracket(FINGER, pinches[0], paths[5])
+    lost = replace(paths[5], ok=paths[5].ok & (np.arange(STEPS) < seen.held))
+    assert bracket(FINGER, pinches[0], lost) == seen
+    early = replace(paths[5], ok=paths[5].ok & (np.arange(STEPS) < seen.held - 2))
+    assert bracket(FINGER, pinches[0], early).agrees is False
+
+
 def test_where_nothing_assembles_there_is_no_ratio():
     pins = eqx.tree_at(lambda pins: pins.E, reference_pins(), jnp.array([-8.0, 1.0]))
     angles = np.radians([0.0, 45.0, 90.0])

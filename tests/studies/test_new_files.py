@@ -60,6 +60,18 @@ def test_the_requirements_in_the_readme_are_settings():
     assert spec.mirrors.pads.thickness == [1.5, 1.0]
 
 
+FINGERS = [path for path in FILES if path.parent.name == "fingers"]
+
+
+@pytest.mark.parametrize("path", FINGERS, ids=[path.stem for path in FINGERS])
+def test_the_requirements_of_the_gallery_are_settings_other_than_the_defaults(path):
+    study = load_study("finger")
+    spec = spec_with(study.spec, [], study="finger", config=read_config([path], study))
+    given = tomllib.loads(FILES[path])
+    assert given["body"] == {key: getattr(spec.body, key) for key in given["body"]}
+    assert all(getattr(BodySpec(), key) != value for key, value in given["body"].items())
+
+
 def test_every_file_of_the_galleries_is_offered_by_a_name_of_its_own():
     names = [name for name, _ in FOUND]
     assert len(set(names)) == len(names)
@@ -70,10 +82,14 @@ def test_every_file_of_the_galleries_is_offered_by_a_name_of_its_own():
     assert {"four-bar", "scene", "chamber", "finger-joints"} <= set(further)
     assert {path.stem for path in FILES} - set(further) == {"finger"}  # a study's name
     for one in further.values():
+        assert len(one.name) + 5 < len(f"{one.name}{one.purpose}") < 140
         kind = kind_of_tables(tomllib.loads(one.content()))
+        if one.command == "designopt run finger --config":
+            assert kind is None
+            assert one.purpose.startswith("settings: Requirements of a")
+            continue
         assert kind is not None
         assert one.purpose.startswith(f"{kind.name}: ")
-        assert len(one.name) + 5 < len(f"{one.name}{one.purpose}") < 140
         assert one.command in ("designopt explore", kind.command)
 
 

@@ -59,6 +59,12 @@ class Analysis:
             named[f"pinch at PIP {math.degrees(pinch.pip):.0f}°, k₂ {pinch.place:g} mm"] = path
         return named if self.box is None else named | {"square 24 mm": self.box}
 
+    @property
+    def unconverged(self) -> int:
+        """States without an equilibrium, but for those after a pinch has given way."""
+        lost = sum(int(np.sum(~path.ok)) for path in self.paths().values())
+        return lost - sum(int(np.sum(~path.ok[shown.held :])) for _, path, shown in self.pinches)
+
     @cached_property
     def compared(self) -> dict[str, Comparison]:
         """Forces both ways, by the names of `paths`."""
@@ -179,7 +185,8 @@ class GraspCheck:
         formula_error: largest difference to the two-phalanx formulas, relative.
         pinch_violations: pinches whose limit is not where the formula puts it.
         states: equilibria that were solved.
-        unconverged: states without an equilibrium; none of them enters the other numbers.
+        unconverged: states without an equilibrium, but for those after a pinch has given way; none
+            enters the other numbers.
         worst_residual: largest residual of a state that does.
         retrace_error_deg: largest difference between closing and opening, degrees.
         least_f1_n: smallest force on the intermediate pad in the adaptive closing after both pads
@@ -216,7 +223,7 @@ def summary(found: Analysis) -> GraspCheck:
         formula_error=max((e for e in errors if not math.isnan(e)), default=math.nan),
         pinch_violations=sum(shown.agrees is False for _, _, shown in found.pinches),
         states=sum(len(path.ok) for path in paths),
-        unconverged=sum(int((~path.ok).sum()) for path in paths),
+        unconverged=found.unconverged,
         worst_residual=max(float(path.residual[path.ok].max(initial=0.0)) for path in paths),
         retrace_error_deg=math.degrees(max(retrace_error(path) for path in there_and_back)),
         least_f1_n=float(found.adaptive.push(0)[ok].min()) if ok.any() else math.nan,

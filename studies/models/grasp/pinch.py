@@ -62,11 +62,14 @@ class Bracket:
         high: T_a of the next step, had it stayed straight; infinite where it never gave way.
         agrees: whether the formula's limit lies between them (or it held as it should); ``None``
             where the motor could not load it that far.
+        held: number of states before it gave way. Then the distal pad turns about the contact or,
+            where that runs off the pad, snaps to an equilibrium far away, if there is one.
     """
 
     low: float
     high: float
     agrees: bool | None
+    held: int
 
 
 def predict(finger: Finger, contacts: Sequence[tuple[float, float]]) -> list[Pinch]:
@@ -105,20 +108,15 @@ def loading(finger: Finger, pinch: Pinch) -> np.ndarray:
 
 def bracket(finger: Finger, pinch: Pinch, path: Path) -> Bracket:
     """Between which motor moments the pinch gave way on its loading."""
-    servo = float(spring_of(finger).servo)
-    loads = np.arange(APPROACH, STEPS)
-    stays = path.ok[loads] & (path.joints[loads, 1] < AT_STOP)
-    gone = path.ok[loads] & ~stays
-    if not gone.any():
-        low = float(path.motor[loads[stays]].max()) if stays.any() else 0.0
-        if pinch.holds or not stays.all():
-            return Bracket(low, math.inf, pinch.holds and bool(stays.all()))
-        return Bracket(low, math.inf, None if low < pinch.limit else False)
-    first = int(np.argmax(gone))
-    held = loads[:first][stays[:first]]
-    low = float(path.motor[held[-1]]) if held.size else 0.0
-    high = servo * float(path.commands[loads[first]] - pinch.crank)
-    return Bracket(low, high, bool(low * (1 - 1e-9) <= pinch.limit <= high))
+    servo, loads = float(spring_of(finger).servo), np.arange(APPROACH, STEPS)
+    straight = loads[path.ok[loads] & (path.joints[loads, 1] < AT_STOP)]
+    held = int(straight[-1]) + 1 if straight.size else APPROACH
+    low = float(path.motor[held - 1]) if straight.size else 0.0
+    if held == STEPS:
+        agrees = pinch.holds or (None if low < pinch.limit else False)
+        return Bracket(low, math.inf, agrees, held)
+    high = servo * float(path.commands[held] - pinch.crank)
+    return Bracket(low, high, bool(low * (1 - 1e-9) <= pinch.limit <= high), held)
 
 
 def ratio_map(finger: Finger, angles: np.ndarray) -> np.ndarray:
