@@ -50,6 +50,12 @@ class FingerSpec(Spec):
         # Both parts check that the body has room for them.
         given = self.mirrors.model_dump()
         FingerMirrorsSpec.model_validate(given | {"body": self.body.model_dump(), "thin": 0.0})
+        room, wall = self.mirrors.room.clearance, self.linkage.links.shell
+        if self.mirrors.phalanges and room < wall:
+            raise ValueError(
+                f"mirrors.room.clearance ({room:g} mm) puts mirrors into the walls "
+                f"(linkage.links.shell, {wall:g} mm); make it {wall:g} or more"
+            )
         return self
 
     def linkage_spec(self) -> FingerLinkageSpec:

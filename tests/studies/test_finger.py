@@ -1,5 +1,6 @@
 """The study ``finger``: its lines, and the whole of it."""
 
+import re
 from contextlib import nullcontext
 from typing import Any
 from unittest.mock import Mock
@@ -202,3 +203,12 @@ def test_fewer_digits_are_refused_at_once(tmp_path, capsys, name):
     assert command(["run", name, "--dtype", "float32", "--out", str(tmp_path / "out")]) == 2
     assert "needs float64; leave --dtype out" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_mirrors_in_the_walls_are_refused(tmp_path, capsys):
+    asked = ["run", "finger", "--set", "mirrors.room.clearance=1", "--out", str(tmp_path / "out")]
+    assert command(asked) == 2
+    words = r"mirrors\.room\.clearance \(1 mm\) puts mirrors into the walls .*; make it 1\.2 or"
+    assert re.search(words, capsys.readouterr().err)
+    # Without mirrors there is nothing to keep clear of walls.
+    FingerSpec.model_validate({"mirrors": {"room": {"clearance": 1.0}, "phalanges": []}})
