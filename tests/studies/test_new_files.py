@@ -67,6 +67,7 @@ FINGERS = [path for path in FILES if path.parent.name == "fingers"]
 def test_the_requirements_of_the_gallery_are_settings_other_than_the_defaults(path):
     study = load_study("finger")
     spec = spec_with(study.spec, [], study="finger", config=read_config([path], study))
+    assert isinstance(spec, FingerSpec)
     given = tomllib.loads(FILES[path])
     assert given["body"] == {key: getattr(spec.body, key) for key in given["body"]}
     assert all(getattr(BodySpec(), key) != value for key, value in given["body"].items())
