@@ -165,3 +165,22 @@ def test_studies_without_trade_offs_are_refused(capsys):
     check_command_refused(capsys, "front table1 --objectives a,b", words)
     check_command_refused(capsys, "front finger --objectives a", ["objectives"])
     check_command_refused(capsys, "front fingr --objectives a,b", ["did you mean 'finger'"])
+
+
+def test_the_figure_has_fingers_off_the_front_and_joins_none_of_them():
+    rows = Records(
+        {
+            "resolution_px_per_mm": [3.0, 4.0, 3.5, 5.0],
+            "yield": [0.9, 0.8, 0.7, 0.99],
+            "missed": ["", "", "", "blur"],
+        }
+    )
+    best = front.is_best(rows, ["yield", "resolution"])
+    rows = rows | {"front": np.where(best, "yes", "no")}
+    (axis,) = front.draw_front(rows, ["yield", "resolution"]).axes
+    joined, worse, missing, *_ = axis.lines
+    np.testing.assert_array_equal(joined.get_xydata(), [[3.0, 0.9], [4.0, 0.8]])
+    np.testing.assert_array_equal(worse.get_xydata(), [[3.5, 0.7]])
+    np.testing.assert_array_equal(missing.get_xydata(), [[5.0, 0.99]])
+    labels = axis.get_legend_handles_labels()[1]
+    assert labels == ["on the front", "worse than another", "misses a requirement besides"]

@@ -265,12 +265,16 @@ def draw_front(rows: Records, objectives: Sequence[str]) -> Figure:
         color, marker = PALETTE[number % len(PALETTE)], MARKERS[number % len(MARKERS)]
         across, up = (np.asarray(part[COLUMNS[one]], float) for one in (x, y))
         best, missing = np.asarray(part["front"]) == "yes", np.asarray(part["missed"]) != ""
-        order = np.argsort(across)
-        axis.plot(across[order], up[order], color=color, alpha=0.4)
+        order = np.argsort(across[best])
         label = f"{TITLES[more[0]]}: {value:g}" if more else "on the front"
-        axis.plot(across[best], up[best], marker, color=color, linestyle="", label=label)
+        axis.plot(across[best][order], up[best][order], f"{marker}-", color=color, label=label)
         hollow = {"color": color, "fillstyle": "none", "linestyle": ""}
         axis.plot(across[~best & ~missing], up[~best & ~missing], marker, **hollow)
         axis.plot(across[missing], up[missing], "x", color=color)
+    others = {"color": "black", "fillstyle": "none", "linestyle": ""}
+    if np.any((rows["front"] == "no") & (rows["missed"] == "")):
+        axis.plot([], [], MARKERS[0], **others, label="worse than another")
+    if np.any(rows["missed"] != ""):
+        axis.plot([], [], "x", **others, label="misses a requirement besides")
     axis.set(xlabel=TITLES[x], ylabel=TITLES[y])
     return figure
