@@ -346,7 +346,10 @@ def test_walls_are_apart_as_their_outlines_are(body, pins):
     wanted = []
     for first, second in zip(np.asarray(pip), np.asarray(found.dip), strict=True):
         turned = (middle + (distal - middle) * np.exp(-1j * second)) * np.exp(-1j * first)
-        one, other = (shapely.Polygon(np.c_[wall.real, wall.imag]) for wall in (proximal, turned))
+        one, other = (
+            shapely.Polygon([(at.real, at.imag) for at in wall.tolist()])
+            for wall in (proximal, turned)
+        )
         wanted.append(one.distance(other) - math.sqrt(one.intersection(other).area))
     more = np.array(wanted) - own
     assert np.min(more) > -0.1
