@@ -4,6 +4,7 @@ import cmath
 import math
 import re
 import tomllib
+from contextlib import nullcontext
 from dataclasses import replace
 
 import jax
@@ -14,8 +15,10 @@ import shapely
 from scipy.optimize import differential_evolution
 
 from designopt import UserError, cli
+from designopt.study.study import Context
 from kinematics.solve.poses import solve_poses
-from studies.finger.designing import degrees_of_freedom
+from studies.finger import FingerSpec
+from studies.finger.designing import Designer, degrees_of_freedom
 from studies.models.body import BodySpec
 from studies.models.finger import Finger, coupling_pins_of, links_of
 from studies.models.finger_file import format_finger, packaged_finger, parse_finger, write_finger
@@ -360,6 +363,15 @@ def test_walls_are_apart_as_their_outlines_are(body, pins):
     )
     # At more angles of PIP.
     assert min(own) - 0.1 < check.achieved < min(own) + 1e-6
+
+
+def test_a_motor_that_is_too_weak_is_no_want_of_room():
+    search, motor = {"starts": 4, "among": 2048}, {"arm": 11.0, "moment": 300.0}
+    linkage = {"kind": "coupled", "motor": motor, "search": search, "draws": 10}
+    spec = FingerSpec.model_validate({"body": {"axis_height": 9.5}, "linkage": linkage})
+    designer = Designer(Context(0, "float64", lambda _: nullcontext()))
+    assert "force at the tip" in [check.name for check in designer.linkage(spec).unmet]
+    designer.require_room(spec)
 
 
 def test_without_room_the_study_names_the_cure(capsys, tmp_path):
