@@ -117,10 +117,8 @@ class Designer:
         if "coupling" not in KINDS[spec.linkage.kind].outlines:
             return
         free = spec.linkage.limits.model_copy(update={"clearance": 0.0, "tip_force": 0.0})
-        other = spec.model_copy(
-            update={"linkage": spec.linkage.model_copy(update={"limits": free})}
-        )
-        for settings in (spec, other):
+        linkage = spec.linkage.model_copy(update={"limits": free})
+        for settings in (spec, spec.model_copy(update={"linkage": linkage})):
             checks = self.linkage(settings).verdict.checks
             between = [check for check in checks if check.name.startswith("coupling from ")]
             worst = min(between, key=lambda check: check.achieved)
