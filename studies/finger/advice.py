@@ -20,6 +20,7 @@ from designopt.study.records import Records
 from designopt.study.settings import fields
 from studies.finger import FingerSpec
 from studies.finger.designing import Designer
+from studies.models.linkage_kinds import KindName
 
 
 class Lever(NamedTuple):
@@ -30,11 +31,13 @@ class Lever(NamedTuple):
         step: changes are multiples of it; its sign is the direction that helps. Of a list it is a
             part of every entry.
         most: steps of the largest change.
+        kind: of the linkages that it concerns; ``None``: every one.
     """
 
     setting: str
     step: float
     most: int
+    kind: KindName | None = None
 
 
 LEAST = 1 / 8
@@ -45,16 +48,19 @@ LEVERS = (
     Lever("body.proximal", 1.0, 16),
     Lever("body.intermediate", 1.0, 16),
     Lever("body.distal", 1.0, 16),
+    Lever("body.axis_height", 0.5, 16, "coupled"),
     Lever("body.range_deg", -5.0, 8),
     Lever("body.dip_range_deg", -5.0, 8),
     Lever("linkage.limits.width", 0.5, 16),
     Lever("linkage.limits.transmission_deg", -1.0, 16),
     Lever("linkage.limits.crank_range_deg", 5.0, 8),
-    Lever("linkage.limits.pinch_force", -0.5, 16),
+    Lever("linkage.limits.pinch_force", -0.5, 16, "six-bar"),
+    Lever("linkage.limits.dip_error_deg", 1.0, 8, "coupled"),
     Lever("linkage.limits.clearance", -0.1, 4),
     Lever("linkage.links.bar_width", -0.25, 8),
     Lever("linkage.motor.moment", 50.0, 16),
-    Lever("spring.preload", 0.05, 16),
+    Lever("linkage.motor.arm", -0.5, 8, "coupled"),
+    Lever("spring.preload", 0.05, 16, "six-bar"),
     Lever("mirrors.camera.fov_deg", 5.0, 16),
     Lever("mirrors.floor", -0.1, 16),
     Lever("mirrors.pads.thickness", -0.05, 16),
@@ -114,6 +120,8 @@ def advise(spec: FingerSpec, designer: Designer) -> list[Advice]:
     units = {name: _unit(words) for name, _, words in fields(FingerSpec)}
     found = []
     for lever in LEVERS:
+        if lever.kind not in (None, spec.linkage.kind):
+            continue
         name = lever.setting
         if (now := value_of(spec, name)) in (None, []):
             continue  # as of the field of view of a lens that is sold, or of bare pads

@@ -4,17 +4,21 @@ import cmath
 import math
 import re
 import tomllib
+from contextlib import nullcontext
 from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import shapely
 from scipy.optimize import differential_evolution
 
 from designopt import UserError, cli
+from designopt.study.study import Context
 from kinematics.solve.poses import solve_poses
-from studies.finger.designing import degrees_of_freedom
+from studies.finger import FingerSpec
+from studies.finger.designing import Designer, degrees_of_freedom
 from studies.models.body import BodySpec
 from studies.models.finger import Finger, coupling_pins_of, links_of
 from studies.models.finger_file import format_finger, packaged_finger, parse_finger, write_finger
@@ -26,9 +30,12 @@ from studies.models.linkage_design.coupling.judging import judge_coupled
 from studies.models.linkage_design.coupling.postures import find_coupled_postures, with_motor_arm
 from studies.models.linkage_design.coupling.problem import TRANSMISSION, coupling_problem
 from studies.models.linkage_design.coupling.searching import pip_angles, search_coupling
+from studies.models.linkage_design.coupling.walls import WALLS, find_wall_gap
 from studies.models.linkage_design.postures import find_postures
-from studies.models.linkage_design.spec import FingerLinkageSpec
+from studies.models.linkage_design.spec import FingerLinkageSpec, LimitsSpec, MotorSpec
 from studies.models.links import LinksTable
+from studies.models.manufacture.phalanges import side_wall
+from studies.models.manufacture.section import Section
 from studies.models.pins import CouplingPins
 from studies.models.spec_files import linkage_file
 from studies.oracles import clearances as oracle
@@ -318,11 +325,60 @@ def test_oracle_has_the_same_curve_and_clearances(tmp_path):
     assert not off.assembled.any()
 
 
+@pytest.mark.parametrize(
+    ("body", "pins"),
+    [
+        ({}, ([7.34, -1.63], [25.21, -5.78])),
+        ({"range_deg": 60.0, "intermediate": 14.0}, ([5.32, -4.52], [8.04, 0.85])),
+        ({"range_deg": 45.0, "intermediate": 12.0}, ([3.14, -5.21], [5.98, 0.1])),
+    ],
+)
+def test_walls_are_apart_as_their_outlines_are(body, pins):
+    """Polygons of the parts to make; those of the last finger run into each other.
+
+    Hulls reach to the palmar face, too, as the posts at the ends of the pads do.
+    """
+    finger = coupled(CouplingPins(*map(np.array, pins)), **{"axis_height": 9.5} | body)
+    pip = jnp.linspace(0.0, finger.body.flexion, 10)
+    found = find_coupled_postures(finger, pip)
+    own = np.asarray(find_wall_gap(finger, found.places))
+    section, middle = Section.of(finger), float(finger.body.intermediate)
+    proximal, distal = (
+        np.array(side_wall(section, one).line()) @ [1, 1j] for one in ("proximal", "distal")
+    )
+    wanted = []
+    for first, second in zip(np.asarray(pip), np.asarray(found.dip), strict=True):
+        turned = (middle + (distal - middle) * np.exp(-1j * second)) * np.exp(-1j * first)
+        one, other = (
+            shapely.Polygon([(at.real, at.imag) for at in wall.tolist()])
+            for wall in (proximal, turned)
+        )
+        wanted.append(one.distance(other) - math.sqrt(one.intersection(other).area))
+    more = np.array(wanted) - own
+    assert np.min(more) > -0.1
+    assert np.max(more[np.array(wanted) < 2.0], initial=0.0) < 0.5
+    assert (min(own) > 0) == (min(wanted) > 0)
+    [check] = (
+        one for one in judge_coupled(finger, LimitsSpec(), MotorSpec()).checks if one.name == WALLS
+    )
+    # At more angles of PIP.
+    assert min(own) - 0.1 < check.achieved < min(own) + 1e-6
+
+
+def test_a_motor_that_is_too_weak_is_no_want_of_room():
+    search, motor = {"starts": 4, "among": 2048}, {"arm": 11.0, "moment": 300.0}
+    linkage = {"kind": "coupled", "motor": motor, "search": search, "draws": 10}
+    spec = FingerSpec.model_validate({"body": {"axis_height": 9.5}, "linkage": linkage})
+    designer = Designer(Context(0, "float64", lambda _: nullcontext()))
+    assert "force at the tip" in [check.name for check in designer.linkage(spec).unmet]
+    designer.require_room(spec)
+
+
 def test_without_room_the_study_names_the_cure(capsys, tmp_path):
     quick = ("linkage.search.starts=4", "linkage.search.among=2048", "linkage.draws=10")
-    for command in ("run", "export"):
-        words = [command, "finger", "--out", str(tmp_path / command)]
-        words += ["--to", "bom"] if command == "export" else []
+    own = {"run": [], "export": ["--to", "bom"], "front": ["--objectives", "yield,thickness"]}
+    for command, more in own.items():
+        words = [command, "finger", "--out", str(tmp_path / command), *more]
         for one in ("linkage.kind=coupled", *quick):
             words += ["--set", one]
         assert cli.run(words) == 2

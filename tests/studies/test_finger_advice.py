@@ -129,13 +129,24 @@ def test_a_mirror_more_is_tried_on_either_phalanx():
 def test_every_lever_is_tried_as_far_as_it_is_accepted():
     """One step is enough, also where a lever's greatest change is refused."""
     for lever in LEVERS:
-        spec = FingerSpec.model_validate({"body": {"dip_range_deg": 90.0}})
+        kind = lever.kind or "six-bar"
+        given = {"body": {"dip_range_deg": 90.0}, "linkage": {"kind": kind}}
+        spec = FingerSpec.model_validate(given)
         if lever.setting == "mirrors.camera.fov_deg":
             spec = FingerSpec.model_validate({"mirrors": {"camera": {"fov_deg": 200.0}}})
         step = changed(spec, lever, 1)
         assert step is not None
         needed = float(np.sum(value_of(step, lever.setting)))
         assert len(advise(spec, Thresholds({lever.setting: needed}))) == 1, lever
+
+
+def test_settings_of_another_kind_of_linkage_are_not_tried():
+    """A coupled finger has neither pinch nor spring; the six-bar's axes stay where they are."""
+    needed = {"spring.preload": 0.35, "body.axis_height": 4.5}
+    for kind, name in (("six-bar", "spring.preload"), ("coupled", "body.axis_height")):
+        spec = FingerSpec.model_validate({"linkage": {"kind": kind}})
+        [found] = advise(spec, Thresholds(needed))
+        assert (found.setting, found.needed) == (name, needed[name])
 
 
 def test_where_half_meets_everything_too_it_is_stated():

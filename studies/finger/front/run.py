@@ -116,11 +116,12 @@ def run(spec: FingerFrontSpec, context: Context) -> Results:
     """Design the fingers of a front.
 
     Raises:
-        UserError: another float type than float64.
+        UserError: another float type than float64, or no room for a coupling bar.
     """
     context.require_float64("finger-front solves its requirements to 1e-8")
     out = Report(spec, package="studies.finger.front")
     designer, base = Designer(context), spec.finger()
+    designer.require_room(base)
     first = Point(base, *designer.parts(base))
     rows, files = Records(), []
     for number, (changed, point) in enumerate(find_points(spec, first, designer), 1):

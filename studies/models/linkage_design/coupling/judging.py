@@ -26,6 +26,7 @@ from studies.models.linkage_design.clearances import (
 from studies.models.linkage_design.coupling.forces import find_loads
 from studies.models.linkage_design.coupling.problem import ASSEMBLY, GROWING, RANGE, TRANSMISSION
 from studies.models.linkage_design.coupling.searching import pip_angles
+from studies.models.linkage_design.coupling.walls import WALLS, find_wall_gap
 from studies.models.linkage_design.forces import Loads, find_stresses
 from studies.models.linkage_design.problem import (
     MOTOR,
@@ -117,6 +118,7 @@ def judge_coupled(finger: Finger, limits: LimitsSpec, motor: MotorSpec) -> Coupl
         ),
         *_inside(finger, pose, limits),
         *_clear(finger, pose, limits),
+        Check(WALLS, limits.clearance, float(jnp.min(find_wall_gap(finger, dict(at))))),
         Check(TIP, limits.tip_force, motor.moment / strongest, "N"),
         *_strong(finger, limits, each),
         Check("time to close", limits.closing_s, turned / motor.speed_deg, "s", False),
