@@ -239,6 +239,21 @@ def test_nothing_meets_in_any_posture(finger, written):
     assert 0.5 <= min(bars) < just
 
 
+@pytest.mark.parametrize("axis_height", [3.0, 3.5, 4.0, 5.0])
+def test_cheeks_leave_the_ledges_beside_them_room_at_any_height_of_the_axes(axis_height):
+    """The lower the axes, the farther out the cheek's edge is as low as the ledge."""
+    pytest.importorskip("OCP")
+    from designopt.export.solids import make_solid
+    from studies.oracles.solids import distance
+
+    finger = finger_of_kind("six-bar")
+    body = dataclasses.replace(finger.body, axis_height=jnp.asarray(axis_height))
+    parts = make_assembly(dataclasses.replace(finger, body=body)).parts
+    shells = {part.body: make_solid(part) for part in parts if part.shell}
+    for outer in ("proximal", "distal"):
+        assert distance(shells[outer], shells["intermediate"]) > 0.19
+
+
 def test_a_part_in_the_way_is_found(finger, written, parts):
     from designopt.export.solids import make_solid
     from studies.oracles.solids import find_meetings

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from designopt.export.parts import Outline, Part, Prism, around, circle, polygon, wrapped
+from designopt.export.parts import Disc, Outline, Part, Prism, around, circle, polygon, wrapped
 from studies.models.finger import Finger, camera_of
 from studies.models.finger_parts import AXES, OUTWARD, FingerMirror, Phalanx
 from studies.models.links import AXLES
@@ -34,7 +34,7 @@ POST, SEAT, STEP = 1.5, 1.5, 1.0
 joint's axis, mm."""
 
 SWEEP = 0.3
-"""What the outer phalanges' covers leave to the cheeks that turn beside them, mm."""
+"""What the outer phalanges leave to the cheeks that turn beside them, mm."""
 
 COLORS = {"proximal": "#5B7DB1", "intermediate": "#C9A24B", "distal": "#5FA38A"}
 
@@ -77,10 +77,10 @@ def side_wall(section: Section, phalanx: Outer) -> Outline:
     near = [ring for ring in others if ring[0] - ring[2] < gap]
     begin = max([gap, *(u + radius for u, y, radius in near if y - radius < low)])
     corner, top = (length, low, 0.0), (length, section.ceiling, 0.0)
-    foremost = (begin, low, 0.0)
-    upper = 2 * wrapped(top, (STEP, section.ceiling, 0.0), *near, foremost)
-    first = upper.index(top)
-    discs = [corner, *upper[first : upper.index(foremost, first) + 1]]
+    above, foremost = (begin, section.ceiling, 0.0), (begin, low, 0.0)
+    near = 2 * wrapped(above, (STEP, section.ceiling, 0.0), *near, foremost)
+    first = near.index(above) + 1
+    discs = [corner, top, *near[first : near.index(foremost, first) + 1]]
     for u, y, radius in others:
         if y - radius < low < y + radius and gap < u - radius and u + radius < length - POST:
             # The post below it is part of the wall.
@@ -97,11 +97,9 @@ def side_wall(section: Section, phalanx: Outer) -> Outline:
 
 def cheek(section: Section) -> Outline:
     """Outline of the intermediate phalanx's walls: between the joints, and quarters about these."""
-    (pip, dip), middle, radius = section.gaps.values(), section.middle, section.cheek
+    middle, radius = section.middle, section.cheek
     rear, front = (-radius, -STEP / 2, 0.0), (middle + radius, -STEP / 2, 0.0)
-    pad = (pip, section.palmar, 0.0), (middle - dip, section.palmar, 0.0)
-    rings = [section.ring(pin) for pin in section.kind.walls["intermediate"]]
-    below = 2 * wrapped(rear, *pad, *rings, front)
+    below = 2 * wrapped(rear, *_below_cheek(section), front)
     first = below.index(rear)
     return around(
         *below[first : below.index(front, first) + 1],
@@ -112,6 +110,28 @@ def cheek(section: Section) -> Outline:
         (STEP, radius, 0.0),
         (0.0, 0.0, radius),
     )
+
+
+def _below_cheek(section: Section) -> list[Disc]:
+    """What the intermediate phalanx's walls enclose below the joints: ends of the pad, pins."""
+    (pip, dip), middle = section.gaps.values(), section.middle
+    pad = (pip, section.palmar, 0.0), (middle - dip, section.palmar, 0.0)
+    return [*pad, *(section.ring(pin) for pin in section.kind.walls["intermediate"])]
+
+
+def _beyond_cheek(section: Section, phalanx: Outer) -> float:
+    """Where an outer phalanx's ledge begins, u: at its pad, or where the cheek leaves room above.
+
+    The cheek's lower edge rises outwards from what it encloses to its end. Bent, it is higher.
+    """
+    end, height = section.cheek, -STEP / 2
+    slope = 0.0
+    for u, y, radius in (section.inward(phalanx, disc) for disc in _below_cheek(section)):
+        away = np.hypot(end - u, height - y)
+        angle = np.arctan2(height - y, end - u) + np.arcsin(radius / away)
+        slope = max(slope, float(np.tan(angle)))
+    room = height - (section.palmar + section.shell + SWEEP)
+    return max(section.gaps[phalanx], end - room / slope)
 
 
 def strip_spans(section: Section, phalanx: Phalanx) -> list[tuple[float, float]]:
@@ -156,10 +176,10 @@ def _merged(spans: Sequence[tuple[float, float]], least: float) -> list[tuple[fl
 
 
 def _outer(section: Section, phalanx: Outer, finger: Finger) -> list[Prism]:
-    length, gap, shell = section.lengths[phalanx], section.gaps[phalanx], section.shell
+    length, shell = section.lengths[phalanx], section.shell
     (inner, outer), widest = section.layers[BESIDE_PADS], section.layers[ACROSS][1]
     low, palmar, dorsal = section.strip_top, section.palmar, section.dorsal
-    ledge = section.box(phalanx, gap, length, palmar, palmar + shell)
+    ledge = section.box(phalanx, _beyond_cheek(section, phalanx), length, palmar, palmar + shell)
     end = section.box(phalanx, length - shell, length, low, dorsal)
     found = [
         *sides(
