@@ -44,6 +44,14 @@ def test_less_thickness_is_better():
     assert front.is_best(rows, ["thickness", "transmission"]).tolist() == [True, False]
 
 
+@pytest.fixture
+def misses(monkeypatch):
+    """What a finger misses, by its settings and those it was designed from; nothing by default."""
+    found = {}
+    monkeypatch.setattr(front.Point, "missed", lambda point, _: found.get(id(point.linkage), []))
+    return found
+
+
 class Recorder(Designer):
     """Records where designs begin."""
 
@@ -68,6 +76,7 @@ def first_point(sharp: float = 6.0) -> front.Point:
     return front.Point(FingerSpec(), linkage, mirrors, share)
 
 
+@pytest.mark.usefixtures("misses")
 def test_designs_begin_with_their_neighbours_from_the_first_outwards():
     designer = Recorder()
     spec = FingerFrontSpec(clearances=[0.25, 0.5, 0.75, 1.0])
@@ -102,6 +111,7 @@ def test_a_finger_with_other_parts_is_designed_though_the_one_at_hand_meets_all(
     assert found is (fresh if searched else known)
 
 
+@pytest.mark.usefixtures("misses")
 def test_settings_that_are_refused_are_no_point():
     spec = FingerFrontSpec(objectives=["coverage", "thickness"], thickness_changes=[-20.0, 0.0])
     found = front.find_points(spec, first_point(), Recorder())
@@ -109,6 +119,35 @@ def test_settings_that_are_refused_are_no_point():
     assert [changed for changed, _ in found] == [{"body.thickness": 5.0}, {"body.thickness": 25.0}]
 
 
+def test_what_went_astray_is_searched_once_more_from_a_neighbour_that_misses_less(misses):
+    """At 23 mm the search from the thicker finger fails, that from more clearance does not."""
+
+    class Astray(Recorder):
+        def linkage_from(self, spec: Any, start: Any, known: Any) -> Any:
+            own = SimpleNamespace(verdict=known.verdict)
+            at, begun = (
+                (one.body.thickness, one.linkage.limits.clearance) for one in (spec, start)
+            )
+            asked.append((at, begun))
+            lost = (at, begun) == ((23.0, 0.25), (25.0, 0.25))
+            misses[id(own)] = ["a", "b"] if lost else ["blur"] if at[0] == 23.0 else []
+            kept.append(own)
+            return own
+
+    kept: list[Any] = []
+    asked: list[Any] = []
+    spec = FingerFrontSpec(
+        objectives=["transmission", "clearance", "thickness"],
+        thickness_changes=[-2.0, 0.0],
+        clearances=[0.25, 0.5],
+    )
+    found = front.find_points(spec, first_point(), Astray())
+    assert [len(point.missed(spec.objectives)) for _, point in found if point] == [1, 0, 1, 0]
+    assert asked[-1] == ((23.0, 0.25), (23.0, 0.5))
+    assert len(asked) == 5
+
+
+@pytest.mark.usefixtures("misses")
 def test_two_settings_make_a_grid_and_resolutions_are_parts():
     spec = FingerFrontSpec(
         objectives=["yield", "resolution", "layers"], sharper=[1.0, 1.5], thicker_layers=[0.5, 1.0]

@@ -8,7 +8,7 @@ IEEE Trans. Syst. Man Cybern. 1, 1971, 296).
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -165,6 +165,7 @@ def find_points(
         place: np.array([axes[i][at].distance for i, at in enumerate(place)]) for place in places
     }
     found: dict[tuple[int, ...], Point | None] = {}
+    begun: dict[tuple[int, ...], Point] = {}
     # From the finger as it is outwards, so that a neighbour on the way is there already.
     for place in sorted(places, key=lambda place: (float(np.sum(np.abs(scaled[place]))), place)):
         forget_programs_if_many()
@@ -172,19 +173,51 @@ def find_points(
         for i, at in enumerate(place):
             setting, value = axes[i][at].setting, axes[i][at].value
             changed = None if changed is None else with_value(changed, setting, value)
-        near = [(first, float(np.sum(np.abs(scaled[place]))))]
-        near += [
+        near = [
             (other, float(np.sum(np.abs(scaled[place] - scaled[at]))))
             for at, other in found.items()
             if other is not None
         ]
-        start = min(near, key=lambda one: one[1])[0]
+        near.append((first, float(np.sum(np.abs(scaled[place])))))
+        start = begun[place] = min(near, key=lambda one: one[1])[0]
         with designer.context.step(f"Point {len(found) + 1} of {len(places)}"):
             found[place] = None if changed is None else designed_near(changed, start, designer)
+    _retry(found, begun, spec.objectives, designer)
     named = [
         {axes[i][at].setting: axes[i][at].value for i, at in enumerate(place)} for place in places
     ]
     return [(one, found[place]) for one, place in zip(named, places, strict=True)]
+
+
+def _retry(
+    found: dict[tuple[int, ...], Point | None],
+    begun: Mapping[tuple[int, ...], Point],
+    objectives: Sequence[str],
+    designer: Designer,
+) -> None:
+    """Points whose search went astray, once more from another neighbour that misses less.
+
+    Args:
+        found: the points by their places in the lists; better ones take their places.
+        begun: where each began.
+        objectives: what is traded.
+        designer: of the fingers.
+    """
+
+    def missed(point: Point) -> int:
+        return len(point.missed(objectives))
+
+    for place, point in found.items():
+        beside = [
+            other
+            for at, other in found.items()
+            if np.sum(np.abs(np.subtract(place, at))) == 1 and other is not begun[place]
+        ]
+        start = min((other for other in beside if other is not None), key=missed, default=None)
+        if point is None or start is None or missed(start) >= missed(point):
+            continue
+        with designer.context.step("A point once more"):
+            found[place] = min(point, designed_near(point.spec, start, designer), key=missed)
 
 
 def designed_near(spec: FingerSpec, start: Point, designer: Designer) -> Point:
