@@ -15,10 +15,10 @@ from designopt.vectors import Vector, vector
 from studies.models.linkage_kinds import COUPLED, SIX_BAR, KindName, LinkageKind
 
 Place = Float[Array, "*batch 2"]
-Kind = TypeVar("Kind", bound="Named")
+Kind = TypeVar("Kind", bound="LinkagePins")
 
 
-class Named(eqx.Module):
+class LinkagePins(eqx.Module):
     """Pins of a linkage of some kind in the straight finger, mm."""
 
     kind: ClassVar[LinkageKind]
@@ -38,7 +38,7 @@ class Named(eqx.Module):
         return {name: vector(getattr(self, name)) for name in self.names}
 
 
-class Pins(Named):
+class Pins(LinkagePins):
     """Pins of the six-bar, by paper B's names (Fig. 3.3); H is its G'.
 
     Attributes:
@@ -66,7 +66,7 @@ class Pins(Named):
         return self.F
 
 
-class CouplingPins(Named):
+class CouplingPins(LinkagePins):
     """Pins of the four-bar A-B-Q-P, whose coupling bar P-Q makes DIP follow PIP.
 
     Attributes:

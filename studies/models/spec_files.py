@@ -31,19 +31,16 @@ def scene_file(finger: Finger) -> SpecFile:
 
 def finger_files(finger: Finger) -> list[SpecFile]:
     """The finger, and what follows from it: its linkage, driven both ways, and its scene."""
-    first = SpecFile(
-        "finger.toml", "every dimension, for `designopt explore`", format_finger(finger)
-    )
-    if finger.kind.freedoms == 1:  # whichever body is driven, it is the same file
-        return [first, linkage_file(finger), scene_file(finger)]
-    by_crank = format_toml(
-        finger.linkage_tables("crank"),
-        "The finger's linkage as the motor drives it: by its crank, and by the angle between\n"
-        "plate and distal phalanx, which a spring holds in the straight finger.",
-    )
-    return [
-        first,
+    found = [
+        SpecFile("finger.toml", "every dimension, for `designopt explore`", format_finger(finger)),
         linkage_file(finger),
-        SpecFile("linkage-crank.toml", "the linkage, driven by its crank", by_crank),
-        scene_file(finger),
     ]
+    if finger.kind.freedoms > 1:  # else it is the same file, whichever body is driven
+        by_crank = format_toml(
+            finger.linkage_tables("crank"),
+            "The finger's linkage as the motor drives it: by its crank, and by the angle between\n"
+            "plate and distal phalanx, which a spring holds in the straight finger.",
+        )
+        words = "the linkage, driven by its crank"
+        found.append(SpecFile("linkage-crank.toml", words, by_crank))
+    return [*found, scene_file(finger)]

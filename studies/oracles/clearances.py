@@ -49,14 +49,10 @@ CARRIERS = {
 }
 """The two bodies on every pin of a six-bar."""
 
-COUPLED_CARRIERS = {
-    "A": ("proximal", "intermediate"),
-    "B": ("intermediate", "distal"),
+COUPLED_CARRIERS = {pin: CARRIERS[pin] for pin in "ABMN"} | {
     "P": ("proximal", "coupling"),
     "Q": ("distal", "coupling"),
     "K": ("intermediate", "coupler"),
-    "N": ("coupler", "driver"),
-    "M": ("driver", "proximal"),
 }
 """Those of a coupled finger."""
 

@@ -16,7 +16,7 @@ from kinematics.model.linkage import Linkage
 from kinematics.solve.poses import solve_poses
 from kinematics.solve.solver import Pose
 from studies.models.checks import Check
-from studies.models.finger import Finger, links_of, pins_of
+from studies.models.finger import Finger, linkage_pins, links_of, pins_of
 from studies.models.linkage_design.clearances import (
     faces_of,
     find_clearances,
@@ -24,6 +24,7 @@ from studies.models.linkage_design.clearances import (
     find_free_meetings,
 )
 from studies.models.linkage_design.forces import (
+    Loads,
     find_held_force,
     find_pinch_forces,
     find_stresses,
@@ -40,7 +41,6 @@ from studies.models.linkage_design.problem import (
 )
 from studies.models.linkage_design.spec import LimitsSpec, MotorSpec
 from studies.models.linkage_design.transmission import finger_transmission
-from studies.models.linkage_kinds import SIX_BAR
 from studies.models.pins import pin_name
 
 STEP_DEG = 1.0
@@ -122,8 +122,8 @@ def judged(finger: Finger, limits: LimitsSpec, motor: MotorSpec) -> Verdict:
         ),
         Check("|AF|", limits.crank_offset, apart["A", "F"]),
         Check("|EF|", limits.crank_length, apart["F", "E"], at_least=False),
-        *_inside(finger, pose, limits),
-        *_clear(finger, pose, limits),
+        *check_inside(finger, pose, limits),
+        *check_clear(finger, pose, limits),
         *_strong(finger, limits, motor, jnp.asarray(pip)),
         Check("time to close", limits.closing_s, crank_range / motor.speed_deg, "s", False),
     ]
@@ -172,10 +172,17 @@ def motor_angle(pose: Pose) -> Float[Array, "*batch"]:
     return fold_angle(at["K"] - at["F"], at["N"] - at["K"])
 
 
-def _inside(finger: Finger, pose: Pose, limits: LimitsSpec) -> list[Check]:
-    checks, keep = [], float(from_faces(finger, limits))
-    for name in pins_of(finger).names:
-        host, place = SIX_BAR.hosts[name], pose.joints[pin_name(name)]
+def check_inside(finger: Finger, pose: Pose, limits: LimitsSpec) -> list[Check]:
+    """That every pin keeps inside the faces and ends of its phalanx, in all poses.
+
+    Args:
+        finger: with pins and links.
+        pose: its poses.
+        limits: what is asked for.
+    """
+    checks, keep, pins = [], float(from_faces(finger, limits)), linkage_pins(finger)
+    for name in pins.names:
+        host, place = pins.kind.hosts[name], pose.joints[pin_name(name)]
         if host != "proximal":  # whose body points from O to A, and is fixed
             origin = pose.joints["B" if host == "distal" else "A"]
             place = (place - origin).turned(pose.bodies[host].conjugate())
@@ -195,25 +202,34 @@ def _strong(
     each = find_pinch_forces(finger, pip, 1.0, tip)
     at_tip = motor.moment / float(jnp.max(each.crank_moment))
     loaded = find_pinch_forces(finger, pip, limits.tip_force, tip)
-    stresses, links = find_stresses(finger, loaded), links_of(finger)
-    bars, pins = (
-        max(float(jnp.max(part)) for part in parts.values())
-        for parts in (stresses.bars, stresses.pins)
-    )
-    found = [
+    return [
         Check(PINCH, limits.pinch_force, held, "N"),
         Check(TIP, limits.tip_force, at_tip, "N"),
+        *check_strength(finger, loaded, limits),
     ]
-    for part, stress, strength in (
-        ("bars", bars, links.bar_strength),
-        ("pins", pins, links.pin_strength),
+
+
+def check_strength(finger: Finger, loads: Loads, limits: LimitsSpec) -> list[Check]:
+    """That bars and pins bear their loads.
+
+    Args:
+        finger: with links.
+        loads: with the force at the tip that is asked for.
+        limits: what is asked for.
+    """
+    stresses, links, found = find_stresses(finger, loads), links_of(finger), []
+    for part, of_each, strength in (
+        ("bars", stresses.bars, links.bar_strength),
+        ("pins", stresses.pins, links.pin_strength),
     ):
+        stress = max(float(jnp.max(one)) for one in of_each.values())
         factor = float(strength) / stress if stress > 0 else math.inf
         found.append(Check(f"strength over stress in {part}", limits.safety, factor, ""))
     return found
 
 
-def _clear(finger: Finger, pose: Pose, limits: LimitsSpec) -> list[Check]:
+def check_clear(finger: Finger, pose: Pose, limits: LimitsSpec) -> list[Check]:
+    """That moving parts keep clear of each other and of faces; arguments as of `check_inside`."""
     places = {"H" if name == pin_name("H") else name: at for name, at in pose.joints.items()}
     meetings = dict.fromkeys([*find_free_meetings(finger), *find_face_meetings(finger)])
     found = jax.jit(find_clearances, static_argnums=2)(finger, places, tuple(meetings))

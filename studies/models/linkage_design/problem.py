@@ -57,8 +57,9 @@ def _coordinate(pin: str, index: tuple[int, ...]) -> str:
     return f"{'xy'[index[0]]} of pin {pin_name(pin)}"
 
 
-COORDINATES = {pin: Requirement(functools.partial(_coordinate, pin), "mm") for pin in "FEDCGH"}
-"""The parameters as people know them."""
+def coordinates(pins: str) -> dict[str, Requirement]:
+    """The parameters as people know them: the coordinates of pins by their names."""
+    return {pin: Requirement(functools.partial(_coordinate, pin), "mm") for pin in pins}
 
 
 def on_links(kind: LinkageKind) -> dict[str, str]:
@@ -212,7 +213,9 @@ def linkage_problem(
     turns = (rotation(-jnp.asarray(angles)) for angles in (pip, dip))
     requirements = _requirements(finger, np.rad2deg(pip), np.rad2deg(dip))
     terms = _terms(tuple(meetings))
-    return Problem(terms, lower, upper, scale, requirements, COORDINATES, (asked, *turns))
+    return Problem(
+        terms, lower, upper, scale, requirements, coordinates(SIX_BAR.pins), (asked, *turns)
+    )
 
 
 @functools.cache

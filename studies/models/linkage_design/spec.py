@@ -130,12 +130,12 @@ class LinkageSpec(Spec):
             return data
         links = data.get("links", {})
         usual = {kind.name: [list(parts) for parts in kind.layers] for kind in KINDS.values()}
-        own = [layers for name, layers in usual.items() if name == data.get("kind")]
-        if not own or not isinstance(links, dict):
+        kind = data.get("kind")
+        if not isinstance(kind, str) or kind not in usual or not isinstance(links, dict):
             return data
         if links.get("layers") not in (None, *usual.values()):
             return data
-        return data | {"links": links | {"layers": own[0]}}
+        return data | {"links": links | {"layers": usual[kind]}}
 
     @model_validator(mode="after")
     def _links_of_the_kind(self) -> LinkageSpec:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import jax
@@ -16,25 +15,13 @@ from kinematics.model.linkage import Linkage
 from kinematics.solve.poses import solve_poses
 from kinematics.solve.solver import Pose
 from studies.models.checks import Check
-from studies.models.finger import Finger, linkage_pins, links_of
-from studies.models.linkage_design.clearances import (
-    faces_of,
-    find_clearances,
-    find_face_meetings,
-    find_free_meetings,
-)
+from studies.models.finger import Finger, linkage_pins
 from studies.models.linkage_design.coupling.forces import find_loads
 from studies.models.linkage_design.coupling.problem import ASSEMBLY, GROWING, RANGE, TRANSMISSION
 from studies.models.linkage_design.coupling.searching import pip_angles
 from studies.models.linkage_design.coupling.walls import WALLS, find_wall_gap
-from studies.models.linkage_design.forces import Loads, find_stresses
-from studies.models.linkage_design.problem import (
-    MOTOR,
-    TIP,
-    from_faces,
-    pairs_on_links,
-    pin_places,
-)
+from studies.models.linkage_design.judging import check_clear, check_inside, check_strength
+from studies.models.linkage_design.problem import MOTOR, TIP, pairs_on_links, pin_places
 from studies.models.linkage_design.spec import LimitsSpec, MotorSpec
 
 DIP_ERROR = f"error of {RANGE}"
@@ -100,7 +87,8 @@ def judge_coupled(finger: Finger, limits: LimitsSpec, motor: MotorSpec) -> Coupl
     off = abs(dip[-1] - float(body.flexions[1]))
     places, pairs = pin_places(finger), pairs_on_links(pins.names, pins.kind)
     reach = float(body.distal - body.rim)
-    moment, each = find_loads(finger, jnp.asarray(pip), 1.0, reach)
+    moment, _ = find_loads(finger, jnp.asarray(pip), 1.0, reach)
+    _, loads = find_loads(finger, jnp.asarray(pip), limits.tip_force, reach)
     strongest = float(jnp.max(moment))
     turned, ok = float(np.rad2deg(np.ptp(pip))), int(jnp.sum(poses.ok))
     checks = [
@@ -116,11 +104,11 @@ def judge_coupled(finger: Finger, limits: LimitsSpec, motor: MotorSpec) -> Coupl
             )
             for one, other in pairs
         ),
-        *_inside(finger, pose, limits),
-        *_clear(finger, pose, limits),
+        *check_inside(finger, pose, limits),
+        *check_clear(finger, pose, limits),
         Check(WALLS, limits.clearance, float(jnp.min(find_wall_gap(finger, dict(at))))),
         Check(TIP, limits.tip_force, motor.moment / strongest, "N"),
-        *_strong(finger, limits, each),
+        *check_strength(finger, loads, limits),
         Check("time to close", limits.closing_s, turned / motor.speed_deg, "s", False),
     ]
     if finger.motor is not None:
@@ -144,34 +132,3 @@ def _everywhere(
         return solve_poses(linkage, one).value.bodies["distal"].angle()
 
     return solve_poses(linkage, inputs), jax.vmap(jax.jacfwd(turn))(inputs)[:, 0]
-
-
-def _inside(finger: Finger, pose: Pose, limits: LimitsSpec) -> list[Check]:
-    checks, keep, pins = [], float(from_faces(finger, limits)), linkage_pins(finger)
-    for name in pins.names:
-        host, place = pins.kind.hosts[name], pose.joints[name]
-        if host == "distal":
-            place = (place - pose.joints["B"]).turned(pose.bodies[host].conjugate())
-        for side, distance in faces_of(place, host, finger.body).items():
-            checks.append(Check(f"pin {name} inside the {side}", keep, float(jnp.min(distance))))
-    return checks
-
-
-def _clear(finger: Finger, pose: Pose, limits: LimitsSpec) -> list[Check]:
-    meetings = dict.fromkeys([*find_free_meetings(finger), *find_face_meetings(finger)])
-    found = jax.jit(find_clearances, static_argnums=2)(finger, dict(pose.joints), tuple(meetings))
-    return [Check(name, limits.clearance, float(jnp.min(each))) for name, each in found.items()]
-
-
-def _strong(finger: Finger, limits: LimitsSpec, each: Loads) -> list[Check]:
-    """Strength over stress with the force at the tip; each is per unit of it."""
-    links, found = links_of(finger), []
-    stresses = find_stresses(finger, each)
-    for part, kinds, strength in (
-        ("bars", stresses.bars, links.bar_strength),
-        ("pins", stresses.pins, links.pin_strength),
-    ):
-        stress = limits.tip_force * max(float(jnp.max(one)) for one in kinds.values())
-        factor = float(strength) / stress if stress > 0 else math.inf
-        found.append(Check(f"strength over stress in {part}", limits.safety, factor, ""))
-    return found

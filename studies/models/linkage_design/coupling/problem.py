@@ -29,7 +29,7 @@ from studies.models.linkage_design.coupling.postures import (
     find_coupled_postures,
     with_motor_arm,
 )
-from studies.models.linkage_design.problem import LENGTH, TIP, from_faces
+from studies.models.linkage_design.problem import LENGTH, TIP, coordinates, from_faces
 from studies.models.linkage_design.spec import LimitsSpec, MotorSpec
 from studies.models.linkage_kinds import COUPLED
 from studies.models.pins import CouplingPins
@@ -41,10 +41,6 @@ ASSEMBLY, GROWING, RANGE = "assembly of A-B-Q-P", "DIP growing with PIP", "DIP a
 
 APART = ("AP", "BQ", "PQ")
 """Pins whose distance the pins' places decide; that of K follows from the settings."""
-
-
-def _coordinate(pin: str, index: tuple[int, ...]) -> str:
-    return f"{'xy'[index[0]]} of pin {pin}"
 
 
 class Asked(eqx.Module):
@@ -99,16 +95,13 @@ def coupling_problem(
         for ends, y in (((rear, 0 * middle), low), ((0.9 * middle, tip), high))
     )
     scale = jax.tree.map(lambda leaf: jnp.full_like(leaf, LENGTH), lower)
-    parameters = {
-        pin: Requirement(functools.partial(_coordinate, pin), "mm") for pin in COUPLED.pins
-    }
     return Problem(
         _terms(meetings),
         lower,
         upper,
         scale,
         _requirements(meetings, np.rad2deg(pip)),
-        parameters,
+        coordinates(COUPLED.pins),
         (jax.tree.map(jnp.asarray, asked),),
     )
 

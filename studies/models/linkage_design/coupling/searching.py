@@ -49,8 +49,7 @@ def search_coupling(spec: FingerLinkageSpec, seed: int) -> Search:
     starts = select_starts(problem, how.starts, seed, among=how.among, scale=ANGLE)
     begin = make_epigraph_starts(problem, starts.parameters)
     solved = minimizer(problem, how.starts, "slsqp").solve(begin, exact(problem))
-    rounds = [Round(problem, solved)]
-    found = rounded(rounds[-1].optima.best.parameters.design, how.rounding)
+    found = rounded(solved.best.parameters.design, how.rounding)
     placed = replace(finger, pins=jax.tree.map(jnp.asarray, found))
     pins = rounded(coupling_pins_of(with_motor_arm(placed, spec.motor.arm)), how.rounding)
-    return Search(finger.with_pins(pins), starts, tuple(rounds), ())
+    return Search(finger.with_pins(pins), starts, (Round(problem, solved),), ())

@@ -20,15 +20,7 @@ def least_coupled_angles(
 ) -> Float[np.ndarray, " draws"]:
     """The least transmission angle of finger after finger with errors in it, degrees.
 
-    Args:
-        finger: the design; its body is exact.
-        deviation: standard deviation of every coordinate of every pin, mm; errors are normal and
-            independent.
-        draws: how many fingers.
-        seed: of the draws.
-
-    Returns:
-        The least angle over the range of PIP; 0 where a finger cannot be assembled in all of it.
+    As `tolerance.least_angles`, over the range of PIP.
     """
     pip = jnp.asarray(pip_angles(finger.body))
 
