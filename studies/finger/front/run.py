@@ -21,6 +21,7 @@ from designopt.study.records import Records
 from designopt.study.report import Report
 from designopt.study.results import Results
 from designopt.study.study import Context
+from studies.benchmarks.measuring import listed
 from studies.finger import FingerSpec
 from studies.finger.advice import value_of, with_value
 from studies.finger.designing import (
@@ -135,7 +136,7 @@ def run(spec: FingerFrontSpec, context: Context) -> Results:
         files.append(SpecFile(name, title, format_finger(point.finger)))
     best = is_best(rows, spec.objectives)
     rows = rows | {"front": np.where(best, "yes", "no")}
-    out.values(points=len(rows), names=" and ".join(spec.objectives))
+    out.values(points=len(rows), names=listed(spec.objectives))
     out.metrics(on_front=int(np.sum(best)), feasible=len(rows.where(missed="")))
     out.say("main")
     out.table("front", rows)
