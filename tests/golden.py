@@ -42,6 +42,7 @@ from pkgutil import resolve_name
 from typing import Any
 
 from designopt import cli
+from designopt.compilation_cache import forget_programs_if_many
 from tests.helpers import DATA, load_toml
 
 ROOT = Path(__file__).parent.parent
@@ -247,6 +248,7 @@ def outcome(study: str, settings: Sequence[str], runs: Path) -> dict[str, Any]:
     """Metrics, heads of the tables, and some tables in full, of a study's result."""
     folder = runs / study
     if not folder.exists():
+        forget_programs_if_many()  # all studies together would fill what a process may map
         sets = [word for setting in settings for word in ("--set", setting)]
         command("run", study, *sets, "--out", str(folder))
     document = json.loads((folder / "results.json").read_text(encoding="utf-8"))
