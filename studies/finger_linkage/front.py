@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
+from designopt.compilation_cache import forget_programs_if_many
 from designopt.optimize import find_active_set
 from designopt.plot.figures import MARKERS, PALETTE, new_figure
 from designopt.study.records import Records
@@ -81,12 +82,14 @@ def find_front(spec: FingerLinkageSpec, found: Search, seed: int) -> Records:
     front: list[Point] = []
     near = found
     for bound in bounds:
+        forget_programs_if_many()
         asked = bounded(spec, bound)
         best = _point(asked, bound, search_on(asked, near), NEIGHBOUR)
         best = _better(best, _point(asked, bound, search(asked, seed, found.near), STARTS))
         front.append(best)
         near = best.search
     for place in reversed(range(len(front) - 1)):
+        forget_programs_if_many()
         looser, tighter = front[place], front[place + 1]
         again = search_on(bounded(spec, looser.bound), tighter.search)
         front[place] = _better(

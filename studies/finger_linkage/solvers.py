@@ -7,6 +7,7 @@ import math
 import jax
 import numpy as np
 
+from designopt.compilation_cache import forget_programs_if_many
 from designopt.optimize import (
     FEASIBLE,
     Evolution,
@@ -72,6 +73,7 @@ def compare(spec: FingerLinkageSpec, found: Search, seed: int) -> tuple[Records,
 
     add("bfgs", spec.search.starts, found.rounds[0].optima)
     for method, (_, counts) in METHODS.items():
+        forget_programs_if_many()
         for count in counts:
             if count <= spec.search.starts and (method, count) != ("bfgs", spec.search.starts):
                 own = jax.tree.map(lambda leaf, n=count: leaf[:n], every)

@@ -32,6 +32,7 @@ from studies.models.linkage_design.coupling.problem import TRANSMISSION, couplin
 from studies.models.linkage_design.coupling.searching import pip_angles, search_coupling
 from studies.models.linkage_design.coupling.walls import WALLS, find_wall_gap
 from studies.models.linkage_design.postures import find_postures
+from studies.models.linkage_design.problem import TIP
 from studies.models.linkage_design.spec import FingerLinkageSpec, LimitsSpec, MotorSpec
 from studies.models.links import LinksTable
 from studies.models.manufacture.phalanges import side_wall
@@ -281,6 +282,36 @@ def test_no_clearly_better_design_is_found_by_evolution(designed):
     )
     assert best > 40.0  # it finds designs at all
     assert own > best - 0.5
+
+
+def plain_force(spec, place):
+    """Least force at the tip that the motor's moment holds, N: virtual work, by plain numbers."""
+    pip = np.linspace(0.0, math.pi / 2, 31)
+    pins = CouplingPins(*np.reshape(place, (2, 2)))
+    side, body = side_of(pins), spec.body
+    before, dip, after = (
+        np.deg2rad([circles_meet(pins, angle, side)[0] for angle in pip + step])
+        for step in (-1e-5, 0.0, 1e-5)
+    )
+    reach, slope = body.distal - coupled().body.rim, (after - before) / 2e-5
+    levers = body.intermediate * np.cos(dip) + reach * (1 + slope)
+    return spec.motor.moment / float(np.max(levers))
+
+
+def test_a_weak_motor_costs_nothing_but_force(designed):
+    spec, strong = designed
+    limits = spec.limits.model_copy(update={"tip_force": 8.0})
+    spec = spec.model_copy(update={"limits": limits})
+    found = search_coupling(spec, 0)
+    verdict = judge_coupled(found.finger, spec.limits, spec.motor)
+    assert [check.name for check in verdict.checks if not check.met] == [TIP]
+    pins = coupling_pins_of(found.finger)
+    force = plain_force(spec, np.ravel([pins.P, pins.Q]))
+    assert verdict.check(TIP).achieved == pytest.approx(force, abs=0.01)
+    # Asked for no force, it transmits at least as well as a finger that is asked for some.
+    other = judge_coupled(strong.finger, spec.limits, spec.motor)
+    assert verdict.least_deg > other.least_deg - 0.05
+    assert any(line.startswith(TIP) for line in found.conflict())
 
 
 def test_problem_and_judgement_agree(designed):

@@ -19,14 +19,16 @@ from designopt.optimize import Evolution, Optimum, Starts
 from designopt.study.records import Records
 from designopt.study.report import Report
 from designopt.study.runner import run_study
+from studies.finger_linkage import front
 from studies.finger_linkage.front import ELSEWHERE, PLAIN, add_front
 from studies.finger_linkage.solvers import add_comparison
+from studies.models.checks import Check
 from studies.models.finger_file import write_finger
 from studies.models.link_layers import Links
 from studies.models.linkage_design import searching, tables
 from studies.models.linkage_design.analysis import layers_fit
 from studies.models.linkage_design.figures import draw_sequences
-from studies.models.linkage_design.judging import judged
+from studies.models.linkage_design.judging import Verdict, judged
 from studies.models.linkage_design.postures import find_postures
 from studies.models.linkage_design.problem import SYMBOLS, grids, inequalities, linkage_problem
 from studies.models.linkage_design.searching import least_angles_deg, over, rounded, search
@@ -433,6 +435,22 @@ def test_compiled_solvers_are_forgotten_with_all_programs(monkeypatch):
     monkeypatch.setitem(searching._MINIMIZERS, "some", Mock())
     forget_programs_if_many()
     assert not searching._MINIMIZERS
+
+
+def test_programs_are_forgotten_between_points_of_the_front(monkeypatch):
+    """Those of all points, and of all solvers after them, would fill what a process may map."""
+    done, some = [], Mock(spec=searching.Search, finger=None, near=(), rounds=[Mock()])
+    verdict = Mock(
+        spec=Verdict, checks=(Check("assembly", 1.0, 0.5),), least_deg=40.0, ratio=np.ones(1)
+    )
+    monkeypatch.setattr(front, "forget_programs_if_many", lambda: done.append("forgotten"))
+    for name in ("search", "search_on"):
+        monkeypatch.setattr(front, name, lambda *_: done.append("searched") or some)
+    monkeypatch.setattr(front, "judged", lambda *_: verdict)
+    rows = front.find_front(FingerLinkageSpec(front=[0.3, 0.4]), some, 0)
+    assert rows["bound"].tolist() == [0.3, 0.4]
+    each = ["forgotten", "searched", "searched"]
+    assert done == [*each, *each, "forgotten", "searched"]
 
 
 @pytest.mark.slow

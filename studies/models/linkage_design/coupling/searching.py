@@ -17,6 +17,7 @@ from studies.models.linkage_design.coupling.problem import coupling_problem
 from studies.models.linkage_design.judging import STEP_DEG
 from studies.models.linkage_design.problem import ANGLE, grids
 from studies.models.linkage_design.searching import (
+    NEARLY,
     Round,
     Search,
     blank_finger,
@@ -36,6 +37,8 @@ def search_coupling(spec: FingerLinkageSpec, seed: int) -> Search:
     """The best coupling bar for a spec's body.
 
     Four numbers and one angle are little: every angle of PIP is in the problem from the start.
+    From what cannot be met the solver ends anywhere; so where the motor is too weak for the force
+    at the tip, the design is the best one of which no force is asked.
 
     Args:
         spec: the study's settings, of kind ``coupled``.
@@ -48,8 +51,15 @@ def search_coupling(spec: FingerLinkageSpec, seed: int) -> Search:
     problem = coupling_problem(finger, spec.limits, pip, allowance, motor=spec.motor)
     starts = select_starts(problem, how.starts, seed, among=how.among, scale=ANGLE)
     begin = make_epigraph_starts(problem, starts.parameters)
-    solved = minimizer(problem, how.starts, "slsqp").solve(begin, exact(problem))
-    found = rounded(solved.best.parameters.design, how.rounding)
+    solver = minimizer(problem, how.starts, "slsqp")
+    solved = solver.solve(begin, exact(problem))
+    best = solved.best
+    if best.violation > NEARLY:
+        limits = spec.limits.model_copy(update={"tip_force": 0.0})
+        other = coupling_problem(finger, limits, pip, allowance, motor=spec.motor)
+        weak = solver.solve(begin, exact(other)).best
+        best = weak if weak.violation <= NEARLY else best
+    found = rounded(best.parameters.design, how.rounding)
     placed = replace(finger, pins=jax.tree.map(jnp.asarray, found))
     pins = rounded(coupling_pins_of(with_motor_arm(placed, spec.motor.arm)), how.rounding)
     return Search(finger.with_pins(pins), starts, (Round(problem, solved),), ())
