@@ -125,7 +125,7 @@ class Search:
 
     @property
     def best(self) -> Optimum:
-        """The optimum that became the design."""
+        """The last round's best optimum: the design, wherever it meets the requirements."""
         return self.rounds[-1].optima.best
 
     @property
