@@ -210,7 +210,7 @@ def _strong(
 
 
 def check_strength(finger: Finger, loads: Loads, limits: LimitsSpec) -> list[Check]:
-    """That bars and pins bear their loads.
+    """Strength over stress in bars and pins, at least the factor of safety.
 
     Args:
         finger: with links.

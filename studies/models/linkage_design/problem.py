@@ -58,7 +58,7 @@ def _coordinate(pin: str, index: tuple[int, ...]) -> str:
 
 
 def coordinates(pins: str) -> dict[str, Requirement]:
-    """The parameters as people know them: the coordinates of pins by their names."""
+    """Names and unit of the parameters: the coordinates of pins, mm."""
     return {pin: Requirement(functools.partial(_coordinate, pin), "mm") for pin in pins}
 
 
