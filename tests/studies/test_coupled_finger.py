@@ -15,6 +15,7 @@ import shapely
 from scipy.optimize import differential_evolution
 
 from designopt import UserError, cli
+from designopt.study.runner import run_study
 from designopt.study.study import Context
 from kinematics.solve.poses import solve_poses
 from studies.finger import FingerSpec
@@ -312,6 +313,16 @@ def test_a_weak_motor_costs_nothing_but_force(designed):
     other = judge_coupled(strong.finger, spec.limits, spec.motor)
     assert verdict.least_deg > other.least_deg - 0.05
     assert any(line.startswith(TIP) for line in found.conflict())
+
+
+def test_where_no_start_meets_the_requirements_there_is_no_figure_of_them():
+    how = {"search": {"starts": 4, "among": 2048}, "draws": 10}
+    strong, weak = (
+        run_study("finger-linkage", SETTINGS | how | {"limits": {"tip_force": force}})
+        for force in (5.0, 8.0)
+    )
+    names = ({figure.name for figure in results.figures} for results in (strong, weak))
+    assert set.difference(*names) == {"starts"}
 
 
 def test_problem_and_judgement_agree(designed):

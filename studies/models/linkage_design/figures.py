@@ -136,7 +136,7 @@ def _contours(
 
 
 def draw_starts(levels: Sequence[Sequence[float]]) -> Figure:
-    """Where every start of every round led to."""
+    """Where the starts of every round led to that meet all requirements."""
     drawing, [[axis]] = new_figure(1, 1, height=3.0)
     for number, values in enumerate(levels):
         style = {"marker": MARKERS[number % len(MARKERS)], "color": PALETTE[number % len(PALETTE)]}
@@ -163,4 +163,6 @@ def add_figures(out: Report, limits: LimitsSpec, design: LinkageDesign) -> None:
     marks = {f"without errors {nominal:.1f}°": nominal, f"required {required:g}°": required}
     least = Records({"least_transmission_angle_deg": design.drawn})
     out.figure("tolerance", ecdf(least, "least_transmission_angle_deg", marks=marks), most=2)
-    out.figure("starts", draw_starts([one.feasible_deg for one in design.search.rounds]))
+    reached = [one.feasible_deg for one in design.search.rounds]
+    if any(reached):
+        out.figure("starts", draw_starts(reached))
