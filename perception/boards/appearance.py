@@ -12,14 +12,15 @@ from jaxtyping import Float
 from perception.boards.local_maps import LocalMaps, Places, shifting
 from perception.boards.pattern import COARSEST, Pattern
 
-FINE, BEYOND = 0.5, 3
+FINE, BEYOND = 0.4, 3
 """Step of the samples of which pixels are made, and how far they reach beyond a window, px."""
 
 PIXEL = 0.29
 """Standard deviation of a pixel's own square, px."""
 
-BENDS = (-0.9, 0.9)
-"""Of bends beyond these the tone curve does not rise everywhere."""
+BLURS, BENDS = (0.4, 2.5), (-0.9, 0.9)
+"""Looks that are believed: a sharper lens lets lines pass between samples, and of bends beyond
+these the tone curve does not rise everywhere."""
 
 SKEW = 0.6
 """Tone curves of cameras are bent more in the dark: with this, those of the powers 1/1.8 to 1/2.4

@@ -9,9 +9,9 @@ import numpy as np
 import pydantic
 from jaxtyping import Float
 
-from designopt.io.files import read_toml
+from designopt.designs import read_tables
 from designopt.io.spec import Spec
-from designopt.io.spec_files import FORMAT, Format, validated
+from designopt.io.spec_files import validated
 
 DEFAULT_SHARE = 0.75
 """Side of a marker in squares, unless it is given: as much of a square is left around it as one
@@ -35,6 +35,7 @@ Dictionary = Literal[
     "aruco-7x7-250",
     "aruco-7x7-1000",
     "aruco-mip-36h12",
+    "aruco-original",
     "apriltag-16h5",
     "apriltag-25h9",
     "apriltag-36h10",
@@ -43,6 +44,7 @@ Dictionary = Literal[
 
 MARKERS = {
     "aruco-mip-36h12": 250,
+    "aruco-original": 1024,
     "apriltag-16h5": 30,
     "apriltag-25h9": 35,
     "apriltag-36h10": 2320,
@@ -164,7 +166,6 @@ class Board(Spec):
 class BoardFile(Spec):
     """The whole file."""
 
-    format: Format = FORMAT
     board: Board
 
 
@@ -187,4 +188,4 @@ def read_board(path: str | Path) -> Board:
         ...     read_board(path).size
         (23.75, 18.75)
     """
-    return validated(BoardFile, read_toml(path, "board"), str(path)).board
+    return validated(BoardFile, read_tables(path, "board", "board"), str(path)).board

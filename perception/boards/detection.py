@@ -9,24 +9,21 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from perception.boards.board import Board
+from perception.boards.checking import BESIDE, checked_points
 from perception.boards.local_maps import shifting
 from perception.boards.markers import find_markers
 from perception.boards.neighbors import maps_from_neighbors
 from perception.boards.registration import register
-from perception.boards.search import BESIDE_POINT, Search
+from perception.boards.search import Search
 from perception.images import checked_image
 
 FEWEST = 6
 """Points of a board in a picture; fewer are no board."""
 
-OFF = 0.2
-"""A point that is farther than this from where its neighbors have it, along either side, is wrong,
-squares."""
-
 HALVES = {"charuco": 8, "apriltag": 10}
 """From the middle of windows to their ends, px: markers' corners have lines on one side only."""
 
-STEPS, SHIFT = 4, 0.1
+STEPS, SHIFT = {"charuco": 4, "apriltag": 6}, 0.1
 """How often points are fitted in the end, and how far the last step may be, px."""
 
 UNLIKE, UNLIKELY = 4.0, 0.02
@@ -89,7 +86,17 @@ def detect_board(image: object, board: Board) -> BoardCorners | None:
     if len(numbers):
         search.begin(board.marker_corners[numbers].reshape(-1, 2), corners.reshape(-1, 2))
     search.spread()
+    good = _checked(search, board)
+    if len(good) < len(search.found):
+        # What was wrong may have stood in the way of what is right.
+        search.keep(good)
+        search.spread()
+        search.keep(_checked(search, board))
     return _finished(search, board)
+
+
+def _checked(search: Search, board: Board) -> Int[np.ndarray, "_"]:
+    return checked_points(search.images[0], board, search.found, search.places[search.found])
 
 
 def _finished(search: Search, board: Board) -> BoardCorners | None:
@@ -97,23 +104,20 @@ def _finished(search: Search, board: Board) -> BoardCorners | None:
 
     Neighbors now are points too, and not corners of markers; the tone curve is known.
     """
-    numbers = _consistent(np.sort(search.found), search, board)
-    places = search.places[numbers]
-    chosen, maps, start = maps_from_neighbors(
-        board.points[numbers], board.points[numbers], places, board.square, within=BESIDE_POINT
-    )
-    if len(chosen) < FEWEST:
+    numbers = np.sort(search.found)
+    points, places = board.points[numbers], search.places[numbers]
+    if len(numbers) < FEWEST:
         return None
-    numbers, places = numbers[chosen], places[chosen]
+    _, maps, start = maps_from_neighbors(points, points, places, board.square, within=BESIDE)
     fit = register(
         search.images[0],
         search.pattern,
         maps.warped(shifting(start - places)),
-        board.points[numbers],
+        points,
         search.look,
         start=places,
         half=HALVES[board.kind],
-        steps=STEPS,
+        steps=STEPS[board.kind],
         learn_tone=False,
     )
     unexplained = 1 - fit.likeness
@@ -123,21 +127,3 @@ def _finished(search: Search, board: Board) -> BoardCorners | None:
         return None
     errors = np.hypot(fit.errors[good], LEAST_ERRORS[board.kind])
     return BoardCorners(numbers[good], fit.places[good], errors)
-
-
-def _consistent(
-    numbers: Int[np.ndarray, "_"], search: Search, board: Board
-) -> Int[np.ndarray, "_"]:
-    """Those points that are where their neighbors have them; the worst are left out first."""
-    while len(numbers):
-        points, places = board.points[numbers], search.places[numbers]
-        chosen, maps, expected = maps_from_neighbors(
-            points, points, places, board.square, within=BESIDE_POINT, apart=True
-        )
-        away = (maps.slopes(expected) @ (expected - places[chosen])[..., None])[..., 0]
-        off = np.abs(away).max(axis=1) / board.square
-        worst = off > max(OFF, 0.5 * float(off.max(initial=0)))
-        if len(chosen) == len(numbers) and not worst.any():
-            break
-        numbers = numbers[chosen[~worst]]
-    return numbers

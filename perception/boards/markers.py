@@ -42,7 +42,7 @@ def _detected(
     gray = cv2.addWeighted(gray, 2, cv2.GaussianBlur(gray, (0, 0), SHARPENED[larger]), -1, 0)
     settings = cv2.aruco.DetectorParameters()
     settings.adaptiveThreshWinSizeMin = settings.adaptiveThreshWinSizeMax = WINDOWS[larger]
-    # What is none is told by its surroundings later.
+    # What was misread is found out by the markers beside it.
     settings.errorCorrectionRate, settings.maxErroneousBitsInBorderRate = 1.0, 0.5
     detector = cv2.aruco.ArucoDetector(opencv_dictionary(board), settings)
     corners, numbers, _ = detector.detectMarkers(gray)

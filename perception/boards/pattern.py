@@ -7,12 +7,12 @@ from itertools import groupby
 
 import cv2
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from perception.boards.board import Board, Dictionary
 
-PER_SQUARE = 256
-"""Pixels of the finest picture along a square."""
+PER_SQUARE, MOST = 256, 10_000_000
+"""Pixels of the finest picture along a square, and in all squares at most."""
 
 COARSEST = 6
 """How often it can be halved."""
@@ -41,6 +41,14 @@ def opencv_name(dictionary: Dictionary) -> str:
     return "_".join(["DICT", *(w if "h" in w else w.upper() for w in words)])
 
 
+def marker_modules(board: Board) -> Bool[np.ndarray, "markers modules modules"]:
+    """Which modules of the board's markers are white; around them is a ring of black ones."""
+    dictionary = opencv_dictionary(board)
+    side = dictionary.markerSize + 2
+    drawn = [dictionary.generateImageMarker(i, side) for i in range(board.marker_count)]
+    return np.array(drawn) > 0
+
+
 def dark_rectangles(board: Board) -> Float[np.ndarray, "_ 4"]:
     """All that is black, as rectangles that do not overlap: left, top, right and bottom, mm.
 
@@ -48,17 +56,16 @@ def dark_rectangles(board: Board) -> Float[np.ndarray, "_ 4"]:
         >>> dark_rectangles(Board(columns=3, rows=3, square=10.0))[1].tolist()
         [20.0, 0.0, 30.0, 10.0]
     """
-    dictionary = opencv_dictionary(board)
-    module = board.marker_side / (dictionary.markerSize + 2)
+    modules = marker_modules(board)
+    module = board.marker_side / modules.shape[1]
     found = []
     if board.kind == "charuco":
         row, column = np.indices((board.rows, board.columns))
         dark = (row + column) % 2 == 0
         starts = np.stack([column[dark], row[dark]], axis=-1)
         found.append(board.square * np.concatenate([starts, starts + 1], axis=1))
-    for number, corners in enumerate(board.marker_corners):
-        bits = dictionary.generateImageMarker(number, dictionary.markerSize + 2, borderBits=1)
-        runs = [run for row, line in enumerate(bits) for run in _dark_runs(row, line)]
+    for white, corners in zip(modules, board.marker_corners, strict=True):
+        runs = [run for row, line in enumerate(white) for run in _dark_runs(row, line)]
         found.append(np.tile(corners[0], 2) + module * np.array(runs))
     return np.concatenate(found)
 
@@ -66,7 +73,7 @@ def dark_rectangles(board: Board) -> Float[np.ndarray, "_ 4"]:
 def _dark_runs(row: int, line: np.ndarray) -> list[tuple[int, int, int, int]]:
     """Runs of black modules of a marker's row, as rectangles in modules."""
     runs, start = [], 0
-    for light, group in groupby(line > 0):
+    for light, group in groupby(line):
         end = start + len(list(group))
         if not light:
             runs.append((start, row, end, row + 1))
@@ -78,21 +85,22 @@ class Pattern:
     """A board as pictures, each of which has half the pixels of another along x or y.
 
     Attributes:
-        density: pixels of the finest along 1 mm.
-        margin: white around the board, mm.
+        square: side of a square, mm.
+        size: of the board, mm.
+        margin: white that is sure to be around the board, mm.
+        density: pixels of the finest picture along 1 mm.
     """
 
     def __init__(self, board: Board) -> None:
         """The pictures of a board."""
-        self.density = PER_SQUARE / board.square
-        self.margin = board.square / 4
-        self.size = np.array(board.size)
-        self.square = board.square
+        self.square, self.size, self.margin = board.square, board.size, board.square / 4
+        most = (MOST / (board.columns * board.rows)) ** 0.5
+        self.density = min(PER_SQUARE, most) / board.square
         self._finest = self._rasterized(board)
         self._levels: dict[tuple[int, int], Float[np.ndarray, "rows columns"]] = {}
 
     @classmethod
-    @functools.lru_cache(maxsize=4)
+    @functools.lru_cache(maxsize=2)
     def of(cls, board: Board) -> Pattern:
         """The pictures of a board, drawn once for all images in which it is looked for."""
         return cls(board)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from perception.boards.appearance import BENDS, Appearance, Look, predict
+from perception.boards.appearance import BENDS, BLURS, Appearance, Look, predict
 from perception.boards.local_maps import LocalMaps, Places
 from perception.boards.pattern import Pattern
 
@@ -32,9 +32,6 @@ RIDGE = 1e-6
 
 ALIKE, SURE = 0.8, 0.05
 """Least likeness of points from which the look is learnt, and how sure of it one can be at most."""
-
-BLURS = (0.3, 2.5)
-"""Limits of what is believed, px."""
 
 FREEDOM = 10
 """Weighted pixels that the terms of a fit take from the noise, about."""

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int, UInt8
 from scipy.spatial import cKDTree
 
-from perception.boards.appearance import Look
+from perception.boards.appearance import BLURS, Look
 from perception.boards.board import Board
 from perception.boards.local_maps import LocalMaps, scaling
 from perception.boards.neighbors import maps_from_neighbors
@@ -57,7 +57,7 @@ class Search:
         self.places = np.full(board.points.shape, np.nan)
         self.look = Look(BLUR, 0.0)
         self._points = board.points
-        self._blurs = [max(BLUR / 2**level, 0.3) for level in range(len(self.images))]
+        self._blurs = [max(BLUR / 2**level, BLURS[0]) for level in range(len(self.images))]
 
     def begin(self, corners: Float[np.ndarray, "_ 2"], places: Float[np.ndarray, "_ 2"]) -> None:
         """Find the points beside corners of markers on the board (mm) that lie at places (px)."""
@@ -73,6 +73,12 @@ class Search:
             known = self.found
             self._find(missing, self._points[known], self.places[known], BESIDE_POINT)
             new = self.found[len(known) :]
+
+    def keep(self, numbers: Numbers) -> None:
+        """Lose all points but these."""
+        lost = np.setdiff1d(self.found, numbers)
+        self.places[lost] = np.nan
+        self.found = np.sort(numbers)
 
     def _find(
         self,
