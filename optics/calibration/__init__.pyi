@@ -1,0 +1,3 @@
+from .fisheye import Fisheye
+
+__all__ = ["Fisheye"]

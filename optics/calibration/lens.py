@@ -1,0 +1,285 @@
+"""A camera's lens from pictures of a board: its model chosen by pictures that were held out."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from designopt.errors import UserError
+from optics.calibration.bundle import (
+    LENS,
+    POSE,
+    Bundle,
+    Poses,
+    Prior,
+    Sightings,
+    adjust,
+    find_poses,
+    parameters_of,
+)
+from optics.calibration.calibrated import CalibratedLens
+from optics.calibration.starts import LEAST_POINTS, find_starts
+from optics.scene.camera import turning_point
+
+LEAST_PICTURES = 3
+"""Of a plane board that determine a lens: with two, the focal length hangs on few corners."""
+
+FOLDS = 5
+"""Parts of the pictures, each of which is held out once."""
+
+TRIED = 3
+"""Starts that are tried until one ends in a lens that fits."""
+
+FITS_PX = 2.0
+"""Median error of a search that has ended near the lens and not in another minimum."""
+
+EXPECTED_PX = 0.3
+"""Deviation of a corner while nothing is known of it: what is off by many of these counts less."""
+
+OUTLIER = 5.0
+"""A corner off by more deviations, in column or row, is wrong: none of 10⁶ right ones is."""
+
+ROUNDS = 6
+"""Of leaving wrong corners out and fitting anew; two or three leave nothing to change."""
+
+MULTIPLE = 4
+"""Numbers of pictures for which programs are compiled."""
+
+PRIOR = np.array([1.0, 0.1, 0.1, 0.5, 0.3, 0.2, 0.1, 3.0, 1.5])
+"""Deviations before anything is seen: of the focal length over itself, of the principal point over
+the image's width, of k₁ … k₄, of e₂ and e₄ in mm. Projections from orthographic to pinhole lie
+within; they keep a polynomial tame where no corner is."""
+
+
+class PupilModel(enum.Enum):
+    """How the entrance pupil moves with the angle; values are numbers of coefficients."""
+
+    FIXED = 0
+    QUADRATIC = 1
+    QUARTIC = 2
+
+
+class HeldOut(NamedTuple):
+    """Errors at corners of pictures that a fit has not been given.
+
+    Each picture's pose is that of one half of its corners, and the other half is compared.
+
+    Attributes:
+        median: distance between predicted and seen corner, px.
+        rms: of every picture, px.
+    """
+
+    median: float
+    rms: Float[np.ndarray, " pictures"]
+
+
+@dataclass(frozen=True)
+class LensFit:
+    """A lens as pictures of a board have it, and what is left of them.
+
+    Attributes:
+        calibrated: the lens.
+        pupil: how its pupil moves.
+        held_out: errors at held-out corners, of every model of the pupil.
+        pictures: which of the given pictures show enough of the board.
+        poses: of the board in each of these.
+        sightings: in each of these, with infinite deviations where a corner is not used: it is not
+            seen, or off by more than `OUTLIER` deviations.
+        residuals: predicted minus seen places, px; 0 where nothing is seen.
+    """
+
+    calibrated: CalibratedLens
+    pupil: PupilModel
+    held_out: dict[PupilModel, HeldOut]
+    pictures: Int[np.ndarray, " pictures"]
+    poses: Poses
+    sightings: Sightings
+    residuals: Float[np.ndarray, "pictures most 2"]
+
+    @property
+    def used(self) -> Bool[np.ndarray, "pictures most"]:
+        """Which corners have been used."""
+        return np.asarray(self.sightings.used)
+
+    def angles(self) -> Float[np.ndarray, "pictures most"]:
+        """From the axis to every point of the boards, rad."""
+        points = board_points(self.poses, self.sightings.points)
+        return np.asarray(self.calibrated.lens.angles(points))
+
+
+def calibrate_lens(sightings: Sightings, size: tuple[int, int], name: str = "camera") -> LensFit:
+    """The lens that shows a plane board where it is seen.
+
+    The pupil's model is the simplest of those whose mean squared error at held-out corners is
+    within its standard error of the least (the rule of L. Breiman et al., *Classification and
+    Regression Trees*, 1984, §3.4.3).
+
+    Args:
+        sightings: of the board; stated deviations count against each other only, for their scale
+            follows from the residuals.
+        size: columns and rows of the images.
+        name: of the camera.
+
+    Raises:
+        UserError: too few pictures show enough of the board, or no lens fits them.
+    """
+    seen = np.asarray(sightings.used)
+    enough = np.flatnonzero(seen.sum(axis=1) >= LEAST_POINTS)
+    if len(enough) < LEAST_PICTURES:
+        raise UserError(
+            f"{len(enough)} of {len(seen)} pictures show at least {LEAST_POINTS} corners of the "
+            f"board, and a lens takes {LEAST_PICTURES} or more; take pictures of more of it, sharp "
+            "and evenly lit, and check that the board is the stated one"
+        )
+    shown = _filled_up(jax.tree.map(lambda leaf: np.asarray(leaf)[enough], sightings))
+    first, prior = _first_fit(shown, size)
+    best, kept, noise = _without_outliers(shown, first, prior)
+    held_out = {
+        model: _held_out(kept, best, _of_pupil(prior, model), noise) for model in PupilModel
+    }
+    pupil = _simplest(held_out)
+    if pupil is not PupilModel.QUARTIC:
+        best, kept, noise = _without_outliers(shown, best, _of_pupil(prior, pupil))
+    own = slice(len(enough))
+    poses, kept = (jax.tree.map(lambda leaf: leaf[own], one) for one in (best.poses, kept))
+    points, used = np.asarray(board_points(poses, kept.points)), np.asarray(kept.used)
+    widest = float(np.max(np.asarray(best.lens.angles(jnp.asarray(points)))[used]))
+    if turning_point(np.asarray(best.lens.coefficients)) <= widest:
+        raise UserError(
+            "no lens fits the pictures: image heights would not grow with the angle all over the "
+            "image; take more pictures with the board near the image's edge"
+        )
+    away = [
+        np.linalg.norm(one[which].mean(axis=0)) for one, which in zip(points, used) if which.any()
+    ]
+    calibrated = CalibratedLens(
+        lens=best.lens,
+        size=size,
+        covariance=best.covariance,
+        noise=noise,
+        held_out=held_out[pupil].median,
+        widest=widest,
+        distances=(float(min(away)), float(max(away))),
+        pictures=len(away),
+        name=name,
+    )
+    return LensFit(calibrated, pupil, held_out, enough, poses, kept, best.residuals[own])
+
+
+def _filled_up(shown: Sightings) -> Sightings:
+    """With pictures that show nothing, to a number for which a program is already compiled."""
+    more = -len(shown.deviations) % MULTIPLE
+    one = jax.tree.map(lambda leaf: leaf[-1:], shown)
+    empty = eqx.tree_at(lambda one: one.deviations, one, np.full_like(one.deviations, np.inf))
+    parts = shown, *more * [empty]
+    return jax.tree.map(lambda *leaves: jnp.asarray(np.concatenate(leaves)), *parts)
+
+
+def _first_fit(shown: Sightings, size: tuple[int, int]) -> tuple[Bundle, Prior]:
+    """A fit in which wrong corners count little, from the likeliest start that ends in one."""
+    found = []
+    for lens, poses, _ in find_starts(shown, size)[:TRIED]:
+        mean = parameters_of(lens)
+        prior = Prior(mean, PRIOR * np.array([mean[0], size[0], size[0], *np.ones(6)]))
+        bundle = adjust(_weighted(shown, EXPECTED_PX), lens, poses, prior, robust=True)
+        error = float(np.median(np.abs(bundle.residuals[np.asarray(shown.used)])))
+        found.append((error, bundle, prior))
+        if error < FITS_PX:
+            break
+    error, bundle, prior = min(found, key=lambda one: one[0])
+    if error >= FITS_PX:
+        raise UserError(
+            f"no lens fits the pictures: half of the corners are off by more than {error:.3g} px; "
+            "check that all pictures are of one camera at one focus and zoom, and that the board "
+            "is flat and the stated one"
+        )
+    return bundle, prior
+
+
+def _without_outliers(
+    shown: Sightings, bundle: Bundle, prior: Prior
+) -> tuple[Bundle, Sightings, float]:
+    """The least-squares fit to all corners but those that it is off from, and their deviation."""
+    seen = np.asarray(shown.used)
+    stated = np.where(seen, np.asarray(shown.deviations), 1.0)
+    used = seen
+    for _ in range(ROUNDS):
+        relative = np.abs(bundle.residuals) / stated[..., None]
+        # The median of what is left of a normal distribution, which outliers do not move.
+        noise = float(np.median(relative[used])) / 0.6745
+        kept = seen & np.all(relative < OUTLIER * noise, axis=-1)
+        kept &= kept.sum(axis=1, keepdims=True) >= LEAST_POINTS
+        own = eqx.tree_at(lambda one: one.deviations, shown, np.where(kept, stated, np.inf))
+        bundle = adjust(_weighted(own, noise), bundle.lens, bundle.poses, prior, robust=False)
+        if np.array_equal(kept, used):
+            break
+        used = kept
+    if not bundle.solved or used.any(axis=1).sum() < LEAST_PICTURES:
+        raise UserError(
+            "no lens fits the pictures: the search did not end at a minimum; take more pictures of "
+            "the board, tilted and in all parts of the image"
+        )
+    left = (bundle.residuals / stated[..., None])[used]
+    free = left.size - LENS - POSE * int(used.any(axis=1).sum())
+    return bundle, own, float(np.sqrt(np.sum(left**2) / free))
+
+
+def _held_out(shown: Sightings, bundle: Bundle, prior: Prior, noise: float) -> HeldOut:
+    """Errors at corners of pictures that the fit has not been given, fold by fold."""
+    deviations = np.asarray(shown.deviations)
+    count, most = deviations.shape
+    folds = min(FOLDS, int(np.isfinite(deviations).any(axis=1).sum()))
+    halves = np.arange(most) % 2
+    distance = np.full((count, most), np.nan)
+    for fold in range(folds):
+        out = np.arange(count) % folds == fold
+        given = np.where(out[:, None], np.inf, deviations)
+        without = eqx.tree_at(lambda one: one.deviations, shown, given)
+        lens = adjust(
+            _weighted(without, noise), bundle.lens, bundle.poses, prior, robust=False
+        ).lens
+        for half in range(2):
+            own = np.where(halves == half, deviations, np.inf)
+            some = eqx.tree_at(lambda one: one.deviations, shown, own)
+            _, left = find_poses(lens, _weighted(some, noise), bundle.poses)
+            judged = out[:, None] & np.isfinite(deviations) & (halves != half)
+            distance[judged] = np.hypot(*np.moveaxis(left, -1, 0))[judged]
+    return HeldOut(float(np.nanmedian(distance)), np.sqrt(np.nanmean(distance**2, axis=1)))
+
+
+def _simplest(held_out: dict[PupilModel, HeldOut]) -> PupilModel:
+    """The first model whose mean squared error is within its standard error of the least."""
+    squares = {model: one.rms**2 for model, one in held_out.items()}
+    best = min(squares.values(), key=np.nanmean)
+
+    def near(one: np.ndarray) -> bool:
+        worse = (one - best)[np.isfinite(one - best)]
+        return float(np.mean(worse)) <= float(np.std(worse)) / np.sqrt(len(worse))
+
+    return next(model for model, one in squares.items() if near(one))
+
+
+def _of_pupil(prior: Prior, model: PupilModel) -> Prior:
+    """The prior with the pupil's further coefficients held at 0."""
+    mean, deviation = prior.mean.copy(), prior.deviation.copy()
+    mean[7 + model.value :] = deviation[7 + model.value :] = 0.0
+    return Prior(mean, deviation)
+
+
+def _weighted(shown: Sightings, noise: float) -> Sightings:
+    """Sightings whose deviations are multiplied."""
+    return eqx.tree_at(lambda one: one.deviations, shown, shown.deviations * noise)
+
+
+def board_points(
+    poses: Poses, points: Float[Array, "pictures most 2"]
+) -> Float[Array, "pictures most 3"]:
+    """Points of the board in the camera frame, mm."""
+    return jnp.einsum("pij,pnj->pni", poses.turns[..., :2], points) + poses.shifts[:, None]
