@@ -38,6 +38,9 @@ CLUTTER = 512
 SAMPLES = 4
 """Rays through a pixel at an edge, in each direction."""
 
+CHUNK = 20_000
+"""Such pixels at a time."""
+
 STEP = 0.04
 """A pixel is at an edge where reflectances beside it differ by more."""
 
@@ -84,8 +87,10 @@ class Board(NamedTuple):
 
     @property
     def points(self) -> np.ndarray:
-        """Points (x, y, 0) in OpenCV's order, mm, shape (points, 3): corners of squares by their
-        numbers, or the four corners of each marker, clockwise from its upper left one."""
+        """Points (x, y, 0) in OpenCV's order, mm, shape (points, 3).
+
+        They are corners of squares, or the four of each marker, clockwise from its upper left one.
+        """
         made = self.made()
         corners = made.getChessboardCorners() if self.kind == "charuco" else made.getObjPoints()
         return np.asarray(corners, float).reshape(-1, 3)
@@ -216,17 +221,19 @@ def photograph_board(
     generator, lit = np.random.default_rng(seed), _LitBoard(board, pose, conditions)
     columns, rows = lens.size
     inside, ways, shifts, fading = _sights(lens)
-    light = np.zeros((rows, columns), np.float32)
-    light[inside] = lit.light(ways, shifts)
+    light, paper = np.zeros((rows, columns), np.float32), np.zeros((rows, columns), np.uint8)
+    light[inside], paper[inside] = lit.light(ways, shifts)
     around = np.ones((3, 3), np.uint8)
-    edge = np.argwhere(cv2.dilate(light, around) - cv2.erode(light, around) > STEP)
+    edge = cv2.dilate(light, around) - cv2.erode(light, around) > STEP
+    edges = np.argwhere(edge & (cv2.dilate(paper, around) > 0))
     # Stratified: one ray somewhere in each of the squares of a pixel.
     square = np.stack(np.meshgrid(*2 * [np.arange(SAMPLES)]), axis=-1).reshape(-1, 2)
-    within = (square + generator.random((len(edge), SAMPLES**2, 2))) / SAMPLES - 0.5
-    ways, shifts = lens.sight((edge[:, None, ::-1] + within).reshape(-1, 2))
-    seen, values = np.isfinite(shifts), np.zeros(len(shifts))
-    values[seen] = lit.light(ways[seen], shifts[seen])
-    light[tuple(edge.T)] = values.reshape(len(edge), -1).mean(axis=-1)
+    for part in np.array_split(edges, len(edges) // CHUNK + 1):
+        within = (square + generator.random((len(part), SAMPLES**2, 2))) / SAMPLES - 0.5
+        ways, shifts = lens.sight((part[:, None, ::-1] + within).reshape(-1, 2))
+        seen, values = np.isfinite(shifts), np.zeros(len(shifts))
+        values[seen], _ = lit.light(ways[seen], shifts[seen])
+        light[tuple(part.T)] = values.reshape(-1, SAMPLES**2).mean(axis=-1)
     light *= conditions.capture.exposure * (1 - conditions.vignetting * fading)
     pixels = expose(light, np.ones(()), conditions.capture, generator)
     return BoardPicture(pixels, pose.places(lens, board.points))
@@ -242,14 +249,16 @@ class _LitBoard:
         nearest = np.append(np.clip(self._lamp[:2], low, high), 0.0)
         self._least = float(np.linalg.norm(self._lamp - nearest))
 
-    def light(self, ways: np.ndarray, shifts: np.ndarray) -> np.ndarray:
-        """What rays in the camera's frame bring; white paper brings 1 where it is brightest."""
-        turn, shift = self._pose.rotation, self._pose.translation
-        ways = (ways @ turn.astype(np.float32)).astype(np.float32)
-        begin = (-shift @ turn).astype(np.float32) + shifts[:, None].astype(np.float32) * turn[
-            2
-        ].astype(np.float32)
-        reflectance, distance, paper = _meet(self._scene, begin, ways)
+    def light(self, ways: np.ndarray, shifts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What rays in the camera's frame bring, and whether it comes from the paper.
+
+        White paper brings 1 where it is brightest.
+        """
+        turn = self._pose.rotation.astype(np.float32)
+        pupil = (self._pose.translation @ self._pose.rotation).astype(np.float32)
+        ways = ways.astype(np.float32) @ turn
+        begin = shifts.astype(np.float32)[:, None] * turn[2] - pupil
+        reflectance, distance, paper = _meet(*self._scene, begin, ways)
         share = self._conditions.share
         light = reflectance * (self._conditions.walls / WHITE)
         place = begin[paper] + distance[paper, None] * ways[paper]
@@ -257,35 +266,36 @@ class _LitBoard:
         # Cosine by square: its height over the paper's plane by the distance's third power.
         lamp = (self._least / far) ** 3 if self._lamp[2] < 0 else 0.0
         light[paper] = reflectance[paper] / WHITE * (1 - share + share * lamp)
-        return light
+        return light, paper
 
 
 def _meet(
-    scene: Any, begin: np.ndarray, ways: np.ndarray
+    scene: Any, sheet: Any, begin: np.ndarray, ways: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Reflectance and distance of what rays meet, and whether that is the board's plane."""
+    """Reflectance and distance of what rays meet, and whether that is the sheet."""
     mi, dr = load_mitsuba(), importlib.import_module("drjit")
-    if mi.variant().startswith("scalar"):
-        raise RuntimeError("pictures of boards need LLVM 16 or newer for Mitsuba")
     start, way = ([mi.Float(np.ascontiguousarray(one)) for one in v.T] for v in (begin, ways))
     met = scene.ray_intersect(mi.Ray3f(mi.Point3f(*start), mi.Vector3f(*way)))
     reflectance = met.bsdf().eval_diffuse_reflectance(met)[0, 0][0]
-    paper = dr.abs(met.p.z) < 1e-3
-    dr.eval(reflectance, met.t, paper)
-    return np.array(reflectance), np.array(met.t), np.array(paper)
+    number = dr.reinterpret_array(mi.UInt32, met.shape)
+    dr.eval(reflectance, met.t, number)
+    own = int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(sheet))[0])
+    return np.array(reflectance), np.array(met.t), np.array(number) == own
 
 
 @functools.lru_cache(maxsize=4)
-def _scene(board: Board) -> Any:
-    """The board's sheet and the walls of a room around it, in the board's frame."""
+def _scene(board: Board) -> tuple[Any, Any]:
+    """The board's sheet in a room around it, in the board's frame, and the sheet alone."""
     mi = load_mitsuba()
+    if mi.variant().startswith("scalar"):
+        raise RuntimeError("pictures of boards need LLVM 16 or newer for Mitsuba")
     print_, _ = board.bitmap()
     width, height = board.extent
     sheet = np.diag([width / 2 + board.margin, height / 2 + board.margin, 1.0, 1.0])
     room = np.diag([ROOM, ROOM, ROOM, 1.0])
     for one in sheet, room:
         one[:2, 3] = width / 2, height / 2
-    paper = BLACK + (WHITE - BLACK) / 255 * print_.astype(np.float32)
+    levels = BLACK + (WHITE - BLACK) / 255 * print_.astype(np.float32)
 
     def shape(kind: str, to_world: np.ndarray, levels: np.ndarray) -> dict[str, Any]:
         bitmap = {"type": "bitmap", "data": mi.TensorXf(levels[..., None]), "raw": True}
@@ -293,13 +303,9 @@ def _scene(board: Board) -> Any:
         bsdf = {"type": "diffuse", "reflectance": bitmap}
         return {"type": kind, "to_world": mi.ScalarTransform4f(to_world), "bsdf": bsdf}
 
-    return mi.load_dict(
-        {
-            "type": "scene",
-            "sheet": shape("rectangle", sheet, paper),
-            "room": shape("cube", room, _clutter()),
-        }
-    )
+    paper = mi.load_dict(shape("rectangle", sheet, levels))
+    walls = shape("cube", room, _clutter())
+    return mi.load_dict({"type": "scene", "sheet": paper, "room": walls}), paper
 
 
 def _clutter() -> np.ndarray:

@@ -21,7 +21,7 @@ arctangent, whose series ends at 57°, only to 0.2 px: a blend with it has a mod
 """
 
 TABLED = 40_001
-"""Angles at which heights are tabulated; linear between them, their inverse is right to 1e-9 rad."""
+"""Angles at which heights are tabulated; linear between them, the inverse is right to 1e-9 rad."""
 
 SIZES = ((640, 480), (800, 600), (1024, 768), (1280, 720), (1280, 960), (1440, 1080))
 
