@@ -60,19 +60,20 @@ def facing(board: Board, distance: float, *turns: float) -> Pose:
 
 
 def meet(board: Board, pose: Pose, lens: WideLens, places):
-    """What Mitsuba's rays of places meet: points of the sheet's plane and reflectance."""
+    """Points of the sheet that Mitsuba's rays of places meet."""
     ways, shifts = lens.sight(places)
     begin = shifts[:, None] * [0.0, 0.0, 1.0] - pose.translation
-    begin, ways = (np.float32(one @ pose.rotation) for one in (begin, ways))
-    reflectance, distance, paper = boards._meet(*boards._scene(board), begin, ways)
+    begin, ways = (np.float32((one @ pose.rotation).T) for one in (begin, ways))
+    _, distance, paper = boards._meet(*boards._scene(board), begin, ways)
     assert paper.all()
-    return begin + distance[:, None] * ways, reflectance
+    return (begin + distance * ways).T
 
 
 def look_down(board: Board, points):
     """Reflectance at points of the sheet."""
-    begin = np.float32(np.column_stack([points, np.full(len(points), -1.0)]))
-    ways = np.float32(np.tile([0.0, 0.0, 1.0], (len(points), 1)))
+    begin = np.float32([*points.T, np.full(len(points), -1.0)])
+    ways = np.zeros_like(begin)
+    ways[2] = 1.0
     return boards._meet(*boards._scene(board), begin, ways)[0]
 
 
@@ -113,7 +114,7 @@ def test_only_a_blend_with_the_arctangent_is_no_polynomial():
 @pytest.mark.parametrize("projection", ["equidistant", "equisolid", "stereographic"])
 def test_without_a_moving_pupil_places_are_those_of_the_textbook(projection):
     lens = lens_of(projection=projection, pupil=(0.0, 0.0))
-    points = np.random.default_rng(0).normal(0, 8, (200, 3)) + [0, 0, 12]
+    points = np.random.default_rng(0).normal(0, 8, (200, 3)) + np.array([0, 0, 12])
     angle = np.arctan2(np.hypot(*points.T[:2]), points[:, 2])
     radius = 240 * PROJECTIONS[projection](angle)
     azimuth = np.arctan2(points[:, 1], points[:, 0])
@@ -147,7 +148,8 @@ def test_points_on_a_ray_from_the_moved_pupil_are_imaged_where_the_ray_belongs()
 def test_beyond_the_largest_angle_there_is_no_ray():
     lens = lens_of(focal=100.0)
     edge = 100 * math.radians(80)
-    ways, shifts = lens.sight(np.array(lens.middle) + [[edge - 0.01, 0], [edge + 0.01, 0]])
+    aside = np.array([[edge - 0.01, 0.0], [edge + 0.01, 0.0]])
+    ways, shifts = lens.sight(lens.middle + aside)
     assert np.isfinite([*ways[0], shifts[0]]).all()
     assert np.isnan([*ways[1], shifts[1]]).all()
 
@@ -214,7 +216,7 @@ def test_rays_through_true_places_hit_the_points(board):
         pose = random_pose(generator, lens, board)
         places = pose.places(lens, board.points)
         seen = np.isfinite(places[:, 0])
-        hits, _ = meet(board, pose, lens, places[seen])
+        hits = meet(board, pose, lens, places[seen])
         np.testing.assert_allclose(hits, board.points[seen], atol=FLOAT32_MM)
         back = pose.places(lens, hits.astype(float))
         np.testing.assert_allclose(back, places[seen], atol=FLOAT32_PX)
@@ -271,7 +273,7 @@ def test_paper_is_as_bright_as_the_laws_of_light_have_it():
 @pytest.mark.parametrize("turn", [0.0, 2.0])
 def test_corners_of_squares_are_found_without_bias(turn):
     """An image half a pixel, or a board a few micrometers off would have one."""
-    lens, pose = lens_of((800, 600), 420.0), facing(CHESS, 24.0, 0.2, 0.3, turn)
+    lens, pose = lens_of((800, 600), 420.0), facing(CHESS, 24.0, 0.05, -0.04, turn)
     pixels, places = photograph_board(lens, CHESS, pose, CLEAN, 0)
     assert pixels.dtype == np.uint8
     assert pixels.shape == (600, 800)
@@ -281,15 +283,14 @@ def test_corners_of_squares_are_found_without_bias(turn):
     off = found.reshape(-1, 2) - places[numbers.ravel()]
     assert len(off) >= 0.9 * len(places)
     assert np.all(np.abs(off) < 0.15)
-    assert np.all(np.abs(off.mean(axis=0)) < 0.02)
+    assert np.all(np.abs(off.mean(axis=0)) < 0.015)
 
 
 @needs_mitsuba
 @EITHER
 def test_markers_are_found_where_they_are(board):
     lens, pose = lens_of((800, 600), 420.0), facing(board, 20.0, -0.3, 0.2, -0.7)
-    capture = Capture(noise=0.01, blur=0.7, jpeg=90, gamma=2.2)
-    conditions = Conditions(capture=capture)
+    conditions = Conditions(capture=Capture(noise=0.01, blur=0.7, jpeg=90))
     pixels, _ = photograph_board(lens, board, pose, conditions, 5)
     made, parameters = board.made(), cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
@@ -299,12 +300,16 @@ def test_markers_are_found_where_they_are(board):
     places = pose.places(lens, np.reshape(made.getObjPoints(), (-1, 3))).reshape(-1, 4, 2)
     whole = np.isfinite(places).all(axis=(1, 2))
     order = {number: i for i, number in enumerate(made.getIds().ravel().tolist())}
-    off = [
-        np.abs(corner.reshape(4, 2) - places[order[number]]).max()
-        for corner, number in zip(corners, numbers.ravel().tolist(), strict=True)
-    ]
+    off = np.array(
+        [
+            corner.reshape(4, 2) - places[order[number]]
+            for corner, number in zip(corners, numbers.ravel().tolist(), strict=True)
+        ]
+    )
     assert len(off) >= 0.8 * whole.sum() >= 12
-    assert max(off) < 0.5
+    assert np.all(np.abs(off) < 0.5)
+    # OpenCV has all corners of a marker too far inside: its middle is without that.
+    assert np.all(np.abs(off.mean(axis=1)) < 0.1)
 
 
 @needs_mitsuba

@@ -35,10 +35,10 @@ ROOM = 150.0
 CLUTTER = 512
 """Pixels along a wall's bitmap."""
 
-SAMPLES = 4
+SAMPLES = 6
 """Rays through a pixel at an edge, in each direction."""
 
-CHUNK = 20_000
+CHUNK = 10_000
 """Such pixels at a time."""
 
 STEP = 0.04
@@ -221,18 +221,20 @@ def photograph_board(
     generator, lit = np.random.default_rng(seed), _LitBoard(board, pose, conditions)
     columns, rows = lens.size
     inside, ways, shifts, fading = _sights(lens)
-    light, paper = np.zeros((rows, columns), np.float32), np.zeros((rows, columns), np.uint8)
-    light[inside], paper[inside] = lit.light(ways, shifts)
-    around = np.ones((3, 3), np.uint8)
-    edge = cv2.dilate(light, around) - cv2.erode(light, around) > STEP
-    edges = np.argwhere(edge & (cv2.dilate(paper, around) > 0))
-    # Stratified: one ray somewhere in each of the squares of a pixel.
+    corners, paper = np.zeros((2, rows + 1, columns + 1), np.float32)
+    corners[inside], paper[inside] = lit.light(ways, shifts)
+    # Of pixels with the same light at all corners and the middle, that is taken.
+    four = np.stack(_of_pixels(corners))
+    light, span = four.mean(axis=0), np.ptp(four, axis=0)
+    sheet = np.any(_of_pixels(paper), axis=0)
+    middles = np.argwhere(sheet & (span <= STEP))
+    span[tuple(middles.T)] = np.abs(lit.at(lens, middles[:, ::-1]) - light[tuple(middles.T)])
+    edges = np.argwhere(sheet & (span > STEP))
+    # Of others the mean, of one ray somewhere in each of the squares of a pixel.
     square = np.stack(np.meshgrid(*2 * [np.arange(SAMPLES)]), axis=-1).reshape(-1, 2)
     for part in np.array_split(edges, len(edges) // CHUNK + 1):
         within = (square + generator.random((len(part), SAMPLES**2, 2))) / SAMPLES - 0.5
-        ways, shifts = lens.sight((part[:, None, ::-1] + within).reshape(-1, 2))
-        seen, values = np.isfinite(shifts), np.zeros(len(shifts))
-        values[seen], _ = lit.light(ways[seen], shifts[seen])
+        values = lit.at(lens, (part[:, None, ::-1] + within).reshape(-1, 2))
         light[tuple(part.T)] = values.reshape(-1, SAMPLES**2).mean(axis=-1)
     light *= conditions.capture.exposure * (1 - conditions.vignetting * fading)
     pixels = expose(light, np.ones(()), conditions.capture, generator)
@@ -249,20 +251,28 @@ class _LitBoard:
         nearest = np.append(np.clip(self._lamp[:2], low, high), 0.0)
         self._least = float(np.linalg.norm(self._lamp - nearest))
 
+    def at(self, lens: WideLens, places: np.ndarray) -> np.ndarray:
+        """What reaches places of the image, shape (places,)."""
+        ways, shifts = lens.sight(places)
+        seen, found = np.isfinite(shifts), np.zeros(len(places), np.float32)
+        found[seen], _ = self.light(ways[seen], shifts[seen])
+        return found
+
     def light(self, ways: np.ndarray, shifts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What rays in the camera's frame bring, and whether it comes from the paper.
 
         White paper brings 1 where it is brightest.
         """
-        turn = self._pose.rotation.astype(np.float32)
-        pupil = (self._pose.translation @ self._pose.rotation).astype(np.float32)
-        ways = ways.astype(np.float32) @ turn
-        begin = shifts.astype(np.float32)[:, None] * turn[2] - pupil
+        # Vectors in the board's frame have the shape (3, rays), thrice as fast as (rays, 3).
+        turn = self._pose.rotation.T.astype(np.float32)
+        pupil = (self._pose.rotation.T @ self._pose.translation).astype(np.float32)
+        ways = turn @ ways.astype(np.float32).T
+        begin = turn[:, 2:] * shifts.astype(np.float32) - pupil[:, None]
         reflectance, distance, paper = _meet(*self._scene, begin, ways)
         share = self._conditions.share
         light = reflectance * (self._conditions.walls / WHITE)
-        place = begin[paper] + distance[paper, None] * ways[paper]
-        far = np.linalg.norm(place - self._lamp.astype(np.float32), axis=-1)
+        place = begin[:, paper] + distance[paper] * ways[:, paper]
+        far = np.linalg.norm(place - self._lamp[:, None].astype(np.float32), axis=0)
         # Cosine by square: its height over the paper's plane by the distance's third power.
         lamp = (self._least / far) ** 3 if self._lamp[2] < 0 else 0.0
         light[paper] = reflectance[paper] / WHITE * (1 - share + share * lamp)
@@ -272,9 +282,12 @@ class _LitBoard:
 def _meet(
     scene: Any, sheet: Any, begin: np.ndarray, ways: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Reflectance and distance of what rays meet, and whether that is the sheet."""
+    """Reflectance and distance of what rays meet, and whether that is the sheet.
+
+    Where rays begin, and unit vectors, have the shape (3, rays).
+    """
     mi, dr = load_mitsuba(), importlib.import_module("drjit")
-    start, way = ([mi.Float(np.ascontiguousarray(one)) for one in v.T] for v in (begin, ways))
+    start, way = ([mi.Float(np.ascontiguousarray(one)) for one in v] for v in (begin, ways))
     met = scene.ray_intersect(mi.Ray3f(mi.Point3f(*start), mi.Vector3f(*way)))
     reflectance = met.bsdf().eval_diffuse_reflectance(met)[0, 0][0]
     number = dr.reinterpret_array(mi.UInt32, met.shape)
@@ -321,15 +334,25 @@ def _clutter() -> np.ndarray:
 
 @functools.lru_cache(maxsize=1)
 def _sights(lens: WideLens) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Which pixels have a ray, shape (rows, columns), these rays, and (θ / largest)² of all."""
+    """Rays of the corners of pixels.
+
+    Returns:
+        Which have one, shape (rows + 1, columns + 1); the rays' directions and pupils; and of
+        pixels (θ / largest)², shape (rows, columns).
+    """
     columns, rows = lens.size
-    grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
-    ways, shifts = lens.sight(grid)
+    grid = np.stack(np.meshgrid(np.arange(columns + 1), np.arange(rows + 1)), axis=-1) - 0.5
+    ways, shifts = lens.sight(grid.reshape(-1, 2))
     inside = np.isfinite(shifts)
-    fading = np.where(inside, np.arccos(np.clip(ways[:, 2], -1, 1)) / lens.largest, 1.0) ** 2
+    angles = np.arccos(np.clip(np.where(inside, ways[:, 2], -1), -1, 1)).reshape(grid.shape[:2])
+    fading = np.minimum(np.mean(_of_pixels(angles), axis=0) / lens.largest, 1) ** 2
     ways, shifts = ways[inside].astype(np.float32), shifts[inside].astype(np.float32)
-    shape = rows, columns
-    return inside.reshape(shape), ways, shifts, fading.reshape(shape).astype(np.float32)
+    return inside.reshape(grid.shape[:2]), ways, shifts, fading.astype(np.float32)
+
+
+def _of_pixels(corners: np.ndarray) -> list[np.ndarray]:
+    """The four corners of pixels."""
+    return [corners[i : i - 1 or None, j : j - 1 or None] for i in (0, 1) for j in (0, 1)]
 
 
 def _turned(axis: int, angle: float) -> np.ndarray:
