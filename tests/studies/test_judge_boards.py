@@ -272,9 +272,13 @@ def test_paper_is_as_bright_as_the_laws_of_light_have_it():
 @needs_mitsuba
 @pytest.mark.parametrize("turn", [0.0, 2.0])
 def test_corners_of_squares_are_found_without_bias(turn):
-    """An image half a pixel, or a board a few micrometers off would have one."""
-    lens, pose = lens_of((800, 600), 420.0), facing(CHESS, 24.0, 0.05, -0.04, turn)
-    pixels, places = photograph_board(lens, CHESS, pose, CLEAN, 0)
+    """An image a tenth of a pixel or a board 2 µm off would have one.
+
+    OpenCV's corners err by where they are within pixels, the less the more blur there is.
+    """
+    lens, pose = lens_of((800, 600), 420.0), facing(CHESS, 24.0, 0.2, 0.3, turn)
+    conditions = CLEAN._replace(capture=Capture(noise=0.0, blur=1.0))
+    pixels, places = photograph_board(lens, CHESS, pose, conditions, 0)
     assert pixels.dtype == np.uint8
     assert pixels.shape == (600, 800)
     found, numbers, *_ = cv2.aruco.CharucoDetector(CHESS.made()).detectBoard(pixels)
@@ -282,8 +286,8 @@ def test_corners_of_squares_are_found_without_bias(turn):
     assert numbers is not None
     off = found.reshape(-1, 2) - places[numbers.ravel()]
     assert len(off) >= 0.9 * len(places)
-    assert np.all(np.abs(off) < 0.15)
-    assert np.all(np.abs(off.mean(axis=0)) < 0.015)
+    assert np.all(np.abs(off) < 0.12)
+    assert np.all(np.abs(off.mean(axis=0)) < 0.03)
 
 
 @needs_mitsuba
@@ -321,6 +325,17 @@ def test_the_same_seed_is_the_same_picture():
     assert np.array_equal(first.pixels, again.pixels)
     assert not np.array_equal(first.pixels, other.pixels)
     np.testing.assert_array_equal(first.places, other.places)
+
+
+@needs_mitsuba
+def test_a_board_behind_the_camera_is_not_in_the_picture():
+    lens, pose = lens_of((320, 240), 110.0), facing(CHESS, -30.0, 0.1, 0.2, 0.3)
+    dark = CLEAN._replace(walls=0.0)
+    pixels, places = photograph_board(lens, CHESS, pose, dark, 0)
+    assert np.isnan(places).all()
+    assert not pixels.any()
+    ahead, _ = photograph_board(lens, CHESS, facing(CHESS, 30.0), dark, 0)
+    assert ahead.max() > 200
 
 
 def test_gray_light_is_exposed_like_colored_light():

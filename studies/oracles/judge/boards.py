@@ -255,7 +255,8 @@ class _LitBoard:
         """What reaches places of the image, shape (places,)."""
         ways, shifts = lens.sight(places)
         seen, found = np.isfinite(shifts), np.zeros(len(places), np.float32)
-        found[seen], _ = self.light(ways[seen], shifts[seen])
+        if seen.any():  # Dr.Jit ends the process without rays
+            found[seen], _ = self.light(ways[seen], shifts[seen])
         return found
 
     def light(self, ways: np.ndarray, shifts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
