@@ -328,13 +328,29 @@ def test_the_same_seed_is_the_same_picture():
 
 
 @needs_mitsuba
+def test_many_rays_go_where_they_make_a_difference(monkeypatch):
+    """As if there were as many in all pixels of the sheet: other rays differ as much."""
+    lens, pose = lens_of((320, 240), 150.0), facing(CHESS, 24.0, 0.5, 0.6, 0.3)
+    conditions = CLEAN._replace(capture=Capture(noise=0.0, blur=0.0))
+
+    def levels(seed):
+        return photograph_board(lens, CHESS, pose, conditions, seed).pixels.astype(float)
+
+    quick = levels(0)
+    monkeypatch.setattr(boards, "STEP", -1.0)
+    full, other = levels(0), levels(1)
+    assert 0 < np.mean(np.abs(quick - full)) < 1.1 * np.mean(np.abs(other - full))
+    assert np.max(np.abs(quick - full)) < 40  # of 204
+
+
+@needs_mitsuba
 def test_a_board_behind_the_camera_is_not_in_the_picture():
     lens, pose = lens_of((320, 240), 110.0), facing(CHESS, -30.0, 0.1, 0.2, 0.3)
     dark = CLEAN._replace(walls=0.0)
     pixels, places = photograph_board(lens, CHESS, pose, dark, 0)
     assert np.isnan(places).all()
     assert not pixels.any()
-    ahead, _ = photograph_board(lens, CHESS, facing(CHESS, 30.0), dark, 0)
+    ahead, _ = photograph_board(lens, CHESS, facing(CHESS, 30.0, 0.0, 0.0, 0.0), dark, 0)
     assert ahead.max() > 200
 
 

@@ -42,7 +42,7 @@ CHUNK = 10_000
 """Such pixels at a time."""
 
 STEP = 0.04
-"""A pixel is at an edge where reflectances beside it differ by more."""
+"""A pixel is at an edge where the light at its corners differs by more."""
 
 NEAREST, FARTHEST = 15.0, 60.0
 """Of random boards, from the pupil to their middle, mm."""
@@ -210,7 +210,7 @@ def photograph_board(
     Args:
         lens: the camera.
         board: its bitmap is kept for its next pictures.
-        pose: of the board.
+        pose: of the board, its print towards the lens.
         conditions: light and capture.
         seed: of the noise, and of rays within pixels.
 
@@ -223,13 +223,10 @@ def photograph_board(
     inside, ways, shifts, fading = _sights(lens)
     corners, paper = np.zeros((2, rows + 1, columns + 1), np.float32)
     corners[inside], paper[inside] = lit.light(ways, shifts)
-    # Of pixels with the same light at all corners and the middle, that is taken.
+    # Of pixels with the same light at all corners, that is taken.
     four = np.stack(_of_pixels(corners))
-    light, span = four.mean(axis=0), np.ptp(four, axis=0)
-    sheet = np.any(_of_pixels(paper), axis=0)
-    middles = np.argwhere(sheet & (span <= STEP))
-    span[tuple(middles.T)] = np.abs(lit.at(lens, middles[:, ::-1]) - light[tuple(middles.T)])
-    edges = np.argwhere(sheet & (span > STEP))
+    light, sheet = four.mean(axis=0), np.any(_of_pixels(paper), axis=0)
+    edges = np.argwhere(sheet & (np.ptp(four, axis=0) > STEP))
     # Of others the mean, of one ray somewhere in each of the squares of a pixel.
     square = np.stack(np.meshgrid(*2 * [np.arange(SAMPLES)]), axis=-1).reshape(-1, 2)
     for part in np.array_split(edges, len(edges) // CHUNK + 1):
