@@ -185,10 +185,12 @@ def _filled_up(shown: Sightings) -> Sightings:
 def _first_fit(shown: Sightings, size: tuple[int, int]) -> tuple[Bundle, Prior]:
     """A fit in which wrong corners count little, from the likeliest start that ends in one."""
     found = []
-    for lens, poses, _ in find_starts(shown, size)[:TRIED]:
+    for lens, poses, error in find_starts(shown, size)[:TRIED]:
         mean = parameters_of(lens)
         prior = Prior(mean, PRIOR * np.array([mean[0], size[0], size[0], *np.ones(6)]))
-        bundle = adjust(_weighted(shown, EXPECTED_PX), lens, poses, prior, robust=True)
+        # While all corners are far off, none of them is wrong against the others.
+        near = adjust(_weighted(shown, max(error, EXPECTED_PX)), lens, poses, prior, robust=True)
+        bundle = adjust(_weighted(shown, EXPECTED_PX), near.lens, near.poses, prior, robust=True)
         error = float(np.median(np.abs(bundle.residuals[np.asarray(shown.used)])))
         found.append((error, bundle, prior))
         if error < FITS_PX:

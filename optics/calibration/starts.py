@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import jax.numpy as jnp
@@ -12,7 +13,14 @@ from optics.calibration.bundle import Poses, Sightings
 from optics.calibration.fisheye import Fisheye
 
 FIELDS_DEG = (60, 80, 100, 120, 140, 160, 180, 200, 220, 240)
-"""Fields of view over the image's diagonal, of an equidistant lens, that are tried."""
+"""Fields of view over the image's diagonal that are tried, each with every one of `BENDS`."""
+
+BENDS = (-0.06, 0.0, 0.06)
+"""Values of k₁: lenses that compress the edge of the image as the equisolid one and more, and that
+stretch it as the stereographic one."""
+
+TABLED = 1000
+"""Angles at which image heights are tabulated: rough rays are enough."""
 
 LEAST_POINTS = 6
 """Of a picture whose pose is looked for; four determine one."""
@@ -24,7 +32,7 @@ AHEAD = np.array([0.0, 0.0, 30.0])
 def find_starts(sightings: Sightings, size: tuple[int, int]) -> list[tuple[Fisheye, Poses, float]]:
     """Lenses with poses of the board to start from, the likeliest first.
 
-    Each is equidistant, without a moving pupil, and has its axis in the middle of the image. Poses
+    None has a moving pupil, and each has its axis in the middle of the image. Poses
     are those of the direct linear transformation on rays (R. Hartley, A. Zisserman, *Multiple View
     Geometry in Computer Vision*, 2nd ed., §4.1, with rays in place of image points).
 
@@ -41,13 +49,18 @@ def find_starts(sightings: Sightings, size: tuple[int, int]) -> list[tuple[Fishe
     points, places = np.asarray(sightings.points), np.asarray(sightings.places)
     used, middle = np.asarray(sightings.used), np.array([columns - 1, rows - 1]) / 2
     found = []
-    for field in FIELDS_DEG:
-        focal = math.hypot(columns, rows) / math.radians(field)
+    for field, bend in itertools.product(np.radians(FIELDS_DEG), BENDS):
+        tabled = np.linspace(0, field, TABLED)
+        heights = tabled * (1 + bend * tabled**2)
+        # Beyond where a lens images nothing more, its last ray.
+        last = 1 + int(np.argmax(heights))
+        tabled, heights = tabled[:last], heights[:last]
+        focal = math.hypot(columns, rows) / 2 / float(np.interp(field / 2, tabled, heights))
         away = (places - middle) / focal
-        angle = np.hypot(*np.moveaxis(away, -1, 0))
-        rays = np.concatenate(
-            [away * np.sinc(angle / np.pi)[..., None], np.cos(angle)[..., None]], -1
-        )
+        radius = np.hypot(*np.moveaxis(away, -1, 0))
+        angle = np.interp(radius, heights, tabled)
+        share = np.sin(angle) / np.where(radius > 0, radius, 1.0)
+        rays = np.concatenate([away * share[..., None], np.cos(angle)[..., None]], axis=-1)
         turns, shifts, errors = [], [], []
         for one, seen, which in zip(points, rays, used, strict=True):
             if which.sum() < LEAST_POINTS:
@@ -57,7 +70,7 @@ def find_starts(sightings: Sightings, size: tuple[int, int]) -> list[tuple[Fishe
             turns.append(rotation)
             shifts.append(shift)
             errors.append(off)
-        lens = Fisheye(focal, middle, np.zeros(4), np.zeros(2))
+        lens = Fisheye(focal, middle, np.array([bend, 0, 0, 0]), np.zeros(2))
         poses = Poses(jnp.asarray(np.array(turns)), jnp.asarray(np.array(shifts)))
         found.append((lens, poses, focal * float(np.median(np.concatenate(errors)))))
     return sorted(found, key=lambda start: start[2])
