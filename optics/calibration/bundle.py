@@ -27,8 +27,8 @@ TOLERANCE, STEPS = 1e-10, 100
 """Of the search, and a cap on its steps."""
 
 BOLD = 1e3
-"""First steps are nearly those of Gauss and Newton: from a fit to other corners 9 are enough instead
-of 30, and from a rough start they are as many."""
+"""First steps are nearly those of Gauss and Newton: from a fit to other corners 9 are enough, not
+30, and from a rough start they are as many."""
 
 POSE_STEPS = 30
 """Cap on the steps of the search for a single pose."""
@@ -137,14 +137,14 @@ def turn(vector: Float[Array, "3"]) -> Float[Array, "3 3"]:
     return jnp.eye(3) + first * cross + second * cross @ cross
 
 
-def _picture(
+def place_errors(
     lens: Float[Array, "9"],
     pose: Float[Array, "6"],
     base: tuple[Float[Array, "3 3"], Float[Array, "3"]],
     points: Float[Array, "most 2"],
     places: Float[Array, "most 2"],
 ) -> Float[Array, "most 2"]:
-    """Predicted minus seen places, px."""
+    """Predicted minus seen places of one picture, px, with a pose moved from its base."""
     rotation = turn(pose[:3]) @ base[0]
     return lens_of(lens).places(points @ rotation[:, :2].T + base[1] + pose[3:]) - places
 
@@ -170,7 +170,7 @@ def _adjusted(
 
     def weighted(lens: Array, pose: Array, *one: Array) -> Array:
         turns, shifts, points, seen, weight = one
-        off = _picture(lens, pose, (turns, shifts), points, seen) * weight[:, None]
+        off = place_errors(lens, pose, (turns, shifts), points, seen) * weight[:, None]
         # What is not seen may have no place.
         off = jnp.where(weight[:, None] > 0, off, 0.0).reshape(-1)
         return jnp.where(robust, robust_residuals(off), off)
@@ -194,8 +194,8 @@ def _adjusted(
         before = jnp.concatenate([1 / spread, jnp.full(count * POSE, 1 / LOOSE)])
         return jnp.concatenate([seen, jnp.diag(before)])
 
-    # A step of one in any direction changes the residuals alike: Marquardt's scaling. Damping begins
-    # as the square of one over `BOLD`.
+    # A step of one in any direction changes the residuals alike: Marquardt's scaling. Damping
+    # begins as the square of one over `BOLD`.
     begin = jnp.concatenate([start, jnp.zeros(count * POSE)])
     size = jnp.linalg.norm(residuals(begin, None))
     unit = BOLD * size / jnp.linalg.norm(jacobian(begin, None), axis=0)
@@ -209,7 +209,7 @@ def _adjusted(
     )
     values = begin + unit * fit.solution.value
     lens, pose = pictures(values)
-    left = jax.vmap(_picture, (None, 0, 0, 0, 0))(lens, pose, given[:2], *given[2:4])
+    left = jax.vmap(place_errors, (None, 0, 0, 0, 0))(lens, pose, given[:2], *given[2:4])
     left = jnp.where(there, left, 0.0)
     moved = Poses(jax.vmap(turn)(pose[:, :3]) @ poses.turns, poses.shifts + pose[:, 3:])
     covariance = (fit.covariance * unit * unit[:, None])[:LENS, :LENS]
@@ -239,7 +239,7 @@ def find_poses(
 def _posed(lens: Float[Array, "9"], sightings: Sightings, poses: Poses) -> tuple[Poses, Array]:
     def one(base: tuple[Array, Array], points: Array, places: Array, weight: Array) -> Any:
         def residuals(values: Array, _: None) -> Array:
-            off = _picture(lens, values, base, points, places) * weight[:, None]
+            off = place_errors(lens, values, base, points, places) * weight[:, None]
             off = jnp.where(weight[:, None] > 0, off, 0.0)
             return jnp.concatenate([robust_residuals(off).reshape(-1), values / LOOSE])
 
@@ -251,7 +251,7 @@ def _posed(lens: Float[Array, "9"], sightings: Sightings, poses: Poses) -> tuple
             differentiable=False,
         )
         pose = fit.solution.value
-        left = _picture(lens, pose, base, points, places)
+        left = place_errors(lens, pose, base, points, places)
         return Poses(turn(pose[:3]) @ base[0], base[1] + pose[3:]), left
 
     weights = jnp.where(sightings.used, 1 / sightings.deviations, 0.0)

@@ -24,9 +24,9 @@ SYMMETRY = 1e-6
 """A covariance is symmetric, and has no negative eigenvalue, but for so much of its largest."""
 
 COMMENT = """Lens of a camera, calibrated by designopt calibrate lens.
-Places are column and row, whole numbers at the middles of pixels. A ray at the angle a (rad) from the
-axis is imaged focal_px * (a + k1 a^3 + k2 a^5 + k3 a^7 + k4 a^9) from principal_px, and passes the axis
-e2 a^2 + e4 a^4 (mm) before where rays along the axis have their pupil.
+Places are column and row, whole numbers at the middles of pixels. A ray at the angle a (rad) from
+the axis is imaged focal_px * (a + k1 a^3 + k2 a^5 + k3 a^7 + k4 a^9) from principal_px, and passes
+the axis e2 a^2 + e4 a^4 (mm) before where rays along the axis have their pupil.
 The covariance is that of focal_px, both of principal_px, k1 ... k4, e2, e4."""
 
 
@@ -37,9 +37,9 @@ class CalibratedLens:
     Attributes:
         lens: its rays.
         size: columns and rows of its images.
-        covariance: of focal length, principal point, k₁ … k₄, e₂, e₄; px, 1, mm.
+        covariance: of focal length, principal point (px), k₁ … k₄, e₂ and e₄ (mm).
         noise: standard deviation of a corner's column or row, px.
-        held_out: median distance of predicted corners from those of pictures that were held out, px.
+        held_out: median distance of predicted corners from those of held-out pictures, px.
         widest: largest angle from the axis at which there was a corner, rad.
         distances: of the boards from the pupil, least and greatest of their middles, mm.
         pictures: how many there were.
@@ -87,8 +87,8 @@ class LensTable(Spec):
         limit = math.degrees(turning_point(self.projection))
         if limit <= self.widest_deg:
             raise ValueError(
-                f"with these coefficients the image grows only up to {limit:.4g}° from the axis, and "
-                f"widest_deg is {self.widest_deg:g}; calibrate the lens again"
+                f"with these coefficients the image grows only up to {limit:.4g}° from the axis, "
+                f"and widest_deg is {self.widest_deg:g}; calibrate the lens again"
             )
         return self
 
@@ -98,8 +98,8 @@ class LensTable(Spec):
         allowed = SYMMETRY * max(np.abs(matrix).max(), 1e-300)
         if np.abs(matrix - matrix.T).max() > allowed or np.linalg.eigvalsh(matrix)[0] < -allowed:
             raise ValueError(
-                "'covariance' is none: it is not symmetric, or has a negative eigenvalue; calibrate "
-                "the lens again"
+                "'covariance' is none: it is not symmetric, or has a negative eigenvalue; "
+                "calibrate the lens again"
             )
         return self
 

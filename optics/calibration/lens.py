@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -59,11 +60,10 @@ within; they keep a polynomial tame where no corner is."""
 
 
 class PupilModel(enum.Enum):
-    """How the entrance pupil moves with the angle; values are numbers of coefficients."""
+    """How the entrance pupil depends on the angle from the axis; values are words for a person."""
 
-    FIXED = 0
-    QUADRATIC = 1
-    QUARTIC = 2
+    FIXED = "fixed"
+    MOVING = "moving"
 
 
 class HeldOut(NamedTuple):
@@ -73,11 +73,11 @@ class HeldOut(NamedTuple):
 
     Attributes:
         median: distance between predicted and seen corner, px.
-        rms: of every picture, px.
+        squares: mean of its square in every picture with corners, px².
     """
 
     median: float
-    rms: Float[np.ndarray, " pictures"]
+    squares: Float[np.ndarray, " pictures"]
 
 
 @dataclass(frozen=True)
@@ -117,8 +117,8 @@ class LensFit:
 def calibrate_lens(sightings: Sightings, size: tuple[int, int], name: str = "camera") -> LensFit:
     """The lens that shows a plane board where it is seen.
 
-    The pupil's model is the simplest of those whose mean squared error at held-out corners is
-    within its standard error of the least (the rule of L. Breiman et al., *Classification and
+    The pupil moves if that lowers the mean squared error at held-out corners by more than its
+    standard error over pictures (the rule of L. Breiman et al., *Classification and
     Regression Trees*, 1984, §3.4.3).
 
     Args:
@@ -141,12 +141,14 @@ def calibrate_lens(sightings: Sightings, size: tuple[int, int], name: str = "cam
     shown = _filled_up(jax.tree.map(lambda leaf: np.asarray(leaf)[enough], sightings))
     first, prior = _first_fit(shown, size)
     best, kept, noise = _without_outliers(shown, first, prior)
+    held = _with_fixed_pupil(prior)
     held_out = {
-        model: _held_out(kept, best, _of_pupil(prior, model), noise) for model in PupilModel
+        PupilModel.FIXED: _held_out(kept, best, held, noise),
+        PupilModel.MOVING: _held_out(kept, best, prior, noise),
     }
     pupil = _simplest(held_out)
-    if pupil is not PupilModel.QUARTIC:
-        best, kept, noise = _without_outliers(shown, best, _of_pupil(prior, pupil))
+    if pupil is PupilModel.FIXED:
+        best, kept, noise = _without_outliers(shown, best, held)
     own = slice(len(enough))
     poses, kept = (jax.tree.map(lambda leaf: leaf[own], one) for one in (best.poses, kept))
     points, used = np.asarray(board_points(poses, kept.points)), np.asarray(kept.used)
@@ -156,9 +158,8 @@ def calibrate_lens(sightings: Sightings, size: tuple[int, int], name: str = "cam
             "no lens fits the pictures: image heights would not grow with the angle all over the "
             "image; take more pictures with the board near the image's edge"
         )
-    away = [
-        np.linalg.norm(one[which].mean(axis=0)) for one, which in zip(points, used) if which.any()
-    ]
+    pairs = zip(points, used, strict=True)
+    away = [np.linalg.norm(np.mean(one[which], axis=0)) for one, which in pairs if any(which)]
     calibrated = CalibratedLens(
         lens=best.lens,
         size=size,
@@ -211,7 +212,7 @@ def _without_outliers(
     """The least-squares fit to all corners but those that it is off from, and their deviation."""
     seen = np.asarray(shown.used)
     stated = np.where(seen, np.asarray(shown.deviations), 1.0)
-    used = seen
+    used, own, noise = seen, shown, EXPECTED_PX
     for _ in range(ROUNDS):
         relative = np.abs(bundle.residuals) / stated[..., None]
         # The median of what is left of a normal distribution, which outliers do not move.
@@ -220,9 +221,9 @@ def _without_outliers(
         kept &= kept.sum(axis=1, keepdims=True) >= LEAST_POINTS
         own = eqx.tree_at(lambda one: one.deviations, shown, np.where(kept, stated, np.inf))
         bundle = adjust(_weighted(own, noise), bundle.lens, bundle.poses, prior, robust=False)
-        if np.array_equal(kept, used):
+        unchanged, used = np.array_equal(kept, used), kept
+        if unchanged:
             break
-        used = kept
     if not bundle.solved or used.any(axis=1).sum() < LEAST_PICTURES:
         raise UserError(
             "no lens fits the pictures: the search did not end at a minimum; take more pictures of "
@@ -230,7 +231,9 @@ def _without_outliers(
         )
     left = (bundle.residuals / stated[..., None])[used]
     free = left.size - LENS - POSE * int(used.any(axis=1).sum())
-    return bundle, own, float(np.sqrt(np.sum(left**2) / free))
+    deviation = float(np.sqrt(np.sum(left**2) / free))
+    covariance = bundle.covariance * (deviation / noise) ** 2
+    return bundle._replace(covariance=covariance), own, deviation
 
 
 def _held_out(shown: Sightings, bundle: Bundle, prior: Prior, noise: float) -> HeldOut:
@@ -239,7 +242,7 @@ def _held_out(shown: Sightings, bundle: Bundle, prior: Prior, noise: float) -> H
     count, most = deviations.shape
     folds = min(FOLDS, int(np.isfinite(deviations).any(axis=1).sum()))
     halves = np.arange(most) % 2
-    distance = np.full((count, most), np.nan)
+    distance = np.zeros((count, most))
     for fold in range(folds):
         out = np.arange(count) % folds == fold
         given = np.where(out[:, None], np.inf, deviations)
@@ -251,27 +254,27 @@ def _held_out(shown: Sightings, bundle: Bundle, prior: Prior, noise: float) -> H
             own = np.where(halves == half, deviations, np.inf)
             some = eqx.tree_at(lambda one: one.deviations, shown, own)
             _, left = find_poses(lens, _weighted(some, noise), bundle.poses)
-            judged = out[:, None] & np.isfinite(deviations) & (halves != half)
-            distance[judged] = np.hypot(*np.moveaxis(left, -1, 0))[judged]
-    return HeldOut(float(np.nanmedian(distance)), np.sqrt(np.nanmean(distance**2, axis=1)))
+            other = out[:, None] & np.isfinite(deviations) & (halves != half)
+            distance[other] = np.hypot(*np.moveaxis(left, -1, 0))[other]
+    seen = np.isfinite(deviations)
+    squares = [
+        np.mean(one[which] ** 2) for one, which in zip(distance, seen, strict=True) if any(which)
+    ]
+    return HeldOut(float(np.median(distance[seen])), np.array(squares))
 
 
 def _simplest(held_out: dict[PupilModel, HeldOut]) -> PupilModel:
-    """The first model whose mean squared error is within its standard error of the least."""
-    squares = {model: one.rms**2 for model, one in held_out.items()}
-    best = min(squares.values(), key=np.nanmean)
-
-    def near(one: np.ndarray) -> bool:
-        worse = (one - best)[np.isfinite(one - best)]
-        return float(np.mean(worse)) <= float(np.std(worse)) / np.sqrt(len(worse))
-
-    return next(model for model, one in squares.items() if near(one))
+    """The fixed pupil, unless its mean squared error is a standard error above the moving one's."""
+    fixed, moving = (held_out[model].squares for model in PupilModel)
+    worse = fixed - moving
+    error = float(np.std(worse)) / math.sqrt(len(worse))
+    return PupilModel.MOVING if float(np.mean(worse)) > error else PupilModel.FIXED
 
 
-def _of_pupil(prior: Prior, model: PupilModel) -> Prior:
-    """The prior with the pupil's further coefficients held at 0."""
+def _with_fixed_pupil(prior: Prior) -> Prior:
+    """The prior with the pupil's shift held at 0."""
     mean, deviation = prior.mean.copy(), prior.deviation.copy()
-    mean[7 + model.value :] = deviation[7 + model.value :] = 0.0
+    mean[-2:] = deviation[-2:] = 0.0
     return Prior(mean, deviation)
 
 
