@@ -59,8 +59,8 @@ class Sightings(eqx.Module):
 class Poses(eqx.Module):
     """From boards to the camera frame: x ↦ turn (x, y, 0) + shift (mm)."""
 
-    turns: Float[Array, "pictures 3 3"]
-    shifts: Float[Array, "pictures 3"]
+    turns: Float[Array, "*pictures 3 3"]
+    shifts: Float[Array, "*pictures 3"]
 
 
 class Prior(NamedTuple):
@@ -146,7 +146,7 @@ def place_errors(
 ) -> Float[Array, "most 2"]:
     """Predicted minus seen places of one picture, px, with a pose moved from its base."""
     rotation = turn(pose[:3]) @ base[0]
-    return lens_of(lens).places(points @ rotation[:, :2].T + base[1] + pose[3:]) - places
+    return lens_of(lens).places(points @ rotation[:, :2].T + (base[1] + pose[3:])[None]) - places
 
 
 @eqx.filter_jit
@@ -188,7 +188,7 @@ def _adjusted(
         lens, pose = pictures(values)
         slopes = jax.vmap(jax.jacfwd(weighted, (0, 1)), (None, 0, 0, 0, 0, 0, 0))
         by_lens, by_pose = slopes(lens, pose, *given)
-        by_lens = jnp.where(free, by_lens, 0.0).reshape(-1, LENS)
+        by_lens = jnp.where(free[None, None], by_lens, 0.0).reshape(-1, LENS)
         apart = by_pose[:, :, None, :] * jnp.eye(count)[:, None, :, None]
         seen = jnp.concatenate([by_lens, apart.reshape(-1, count * POSE)], axis=1)
         before = jnp.concatenate([1 / spread, jnp.full(count * POSE, 1 / LOOSE)])
@@ -202,7 +202,7 @@ def _adjusted(
     fit: Fit = least_squares(
         lambda z, _: residuals(begin + unit * z, None),
         jnp.zeros_like(begin),
-        jacobian=lambda z, _: jacobian(begin + unit * z, None) * unit[None, :],
+        jacobian=lambda z, _: jacobian(begin + unit * z, None) * unit[None],
         tolerance=TOLERANCE,
         max_steps=STEPS,
         differentiable=False,
@@ -212,8 +212,8 @@ def _adjusted(
     left = jax.vmap(place_errors, (None, 0, 0, 0, 0))(lens, pose, given[:2], *given[2:4])
     left = jnp.where(there, left, 0.0)
     moved = Poses(jax.vmap(turn)(pose[:, :3]) @ poses.turns, poses.shifts + pose[:, 3:])
-    covariance = (fit.covariance * unit * unit[:, None])[:LENS, :LENS]
-    covariance = jnp.where(free & free[:, None], covariance, 0.0)
+    covariance = (fit.covariance * unit[None] * unit[:, None])[:LENS, :LENS]
+    covariance = jnp.where(free[None] & free[:, None], covariance, 0.0)
     return lens, moved, left, fit.solution.ok, covariance
 
 

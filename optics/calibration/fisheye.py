@@ -78,17 +78,18 @@ class Fisheye(eqx.Module):
     def places(self, points: Float[Array, "*batch 3"]) -> Float[Array, "*batch 2"]:
         """Column and row at which points (mm, camera frame) are imaged."""
         off = _off_axis(points)
-        away = off > 1e-9
+        aside = off > 1e-9
         radius = self.focal * self.projection.height(self.angles(points))
         straight = jnp.where(points[..., 2] != 0, points[..., 2], 1.0)
-        scale = jnp.where(away, radius / jnp.where(away, off, 1.0), self.focal / straight)
-        return self.principal + scale[..., None] * points[..., :2]
+        scale = jnp.where(aside, radius / jnp.where(aside, off, 1.0), self.focal / straight)
+        away = scale[..., None] * points[..., :2]
+        return jnp.broadcast_to(self.principal, away.shape) + away
 
     def rays(
         self, places: Float[Array, "*batch 2"]
     ) -> tuple[Float[Array, "*batch 3"], Float[Array, "*batch"]]:
         """Unit vectors of what is imaged at places, and how far before the origin each begins."""
-        away = places - self.principal
+        away = places - jnp.broadcast_to(self.principal, places.shape)
         radius = safe_sqrt(jnp.sum(away * away, axis=-1))
         angle = self.projection.angle(radius / self.focal)
         there = radius > 0

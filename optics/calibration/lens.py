@@ -26,7 +26,7 @@ from optics.calibration.bundle import (
     parameters_of,
 )
 from optics.calibration.calibrated import CalibratedLens
-from optics.calibration.starts import LEAST_POINTS, find_starts
+from optics.calibration.starts import AHEAD, LEAST_POINTS, find_starts
 from optics.scene.camera import turning_point
 
 LEAST_PICTURES = 3
@@ -79,6 +79,11 @@ class HeldOut(NamedTuple):
     median: float
     squares: Float[np.ndarray, " pictures"]
 
+    @property
+    def rms(self) -> float:
+        """Root mean square distance, of all pictures alike, px."""
+        return float(np.sqrt(np.mean(self.squares)))
+
 
 @dataclass(frozen=True)
 class LensFit:
@@ -107,6 +112,10 @@ class LensFit:
     def used(self) -> Bool[np.ndarray, "pictures most"]:
         """Which corners have been used."""
         return np.asarray(self.sightings.used)
+
+    def distances(self) -> Float[np.ndarray, " pictures"]:
+        """From the pupil to the middle of what is seen of every board, mm; NaN where nothing is."""
+        return _distances(self.poses, self.sightings)
 
     def angles(self) -> Float[np.ndarray, "pictures most"]:
         """From the axis to every point of the boards, rad."""
@@ -158,8 +167,8 @@ def calibrate_lens(sightings: Sightings, size: tuple[int, int], name: str = "cam
             "no lens fits the pictures: image heights would not grow with the angle all over the "
             "image; take more pictures with the board near the image's edge"
         )
-    pairs = zip(points, used, strict=True)
-    away = [np.linalg.norm(np.mean(one[which], axis=0)) for one, which in pairs if any(which)]
+    away = _distances(poses, kept)
+    away = away[np.isfinite(away)]
     calibrated = CalibratedLens(
         lens=best.lens,
         size=size,
@@ -167,7 +176,7 @@ def calibrate_lens(sightings: Sightings, size: tuple[int, int], name: str = "cam
         noise=noise,
         held_out=held_out[pupil].median,
         widest=widest,
-        distances=(float(min(away)), float(max(away))),
+        distances=(float(away.min()), float(away.max())),
         pictures=len(away),
         name=name,
     )
@@ -281,6 +290,13 @@ def _with_fixed_pupil(prior: Prior) -> Prior:
 def _weighted(shown: Sightings, noise: float) -> Sightings:
     """Sightings whose deviations are multiplied."""
     return eqx.tree_at(lambda one: one.deviations, shown, shown.deviations * noise)
+
+
+def _distances(poses: Poses, shown: Sightings) -> Float[np.ndarray, " pictures"]:
+    points = np.asarray(board_points(poses, shown.points))
+    pairs = zip(points, np.asarray(shown.used), strict=True)
+    middles = [np.mean(one[used], axis=0) if any(used) else AHEAD * np.nan for one, used in pairs]
+    return np.linalg.norm(middles, axis=-1)
 
 
 def board_points(
