@@ -1,0 +1,123 @@
+"""Predicted deviations against the scatter of fits, and suggested pictures against those taken."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from optics.calibration import calibrate_lens, predict_deviations, suggest_pictures
+from optics.calibration.bundle import Poses, Prior, Sightings, adjust, lens_of, parameters_of
+from optics.calibration.guidance import GRID, _board_slopes, _information, _updated
+from tests.optics.calibration.pictures import LENS, NOISE, POINTS, TRUTH, boards, sightings
+
+DISTANCE = 30.0
+
+
+@pytest.fixture(scope="module")
+def few():
+    """A lens from pictures of its middle."""
+    turns, shifts = boards(0, 5)
+    shifts = np.linalg.norm(shifts, axis=1)[:, None] * [0.1, -0.1, 0.99]
+    seen, _ = sightings(turns, shifts, 1)
+    return calibrate_lens(seen, LENS.size), turns, shifts
+
+
+def rigidly_left(points, off):
+    """What a small rotation and translation of the points leave of changes of their places."""
+    size, columns = 1e-5, []
+    for axis in np.eye(3):
+        for moved in (
+            points @ Rotation.from_rotvec(size * axis).as_matrix().T,
+            points + size * axis,
+        ):
+            columns.append((LENS.project(moved) - LENS.project(points)).ravel() / size)
+    basis = np.linalg.qr(np.array(columns).T)[0]
+    return off - basis @ (basis.T @ off)
+
+
+def test_deviations_are_the_scatter_of_fits_without_a_motion_of_the_camera(few):
+    fit, turns, shifts = few
+    calibrated = fit.calibrated
+    found = predict_deviations(calibrated, DISTANCE)
+    assert found.places.shape == (GRID[1], GRID[0], 2)
+    imaged = np.isfinite(found.deviations)
+    rays, before = calibrated.lens.rays(jnp.asarray(found.places[imaged]))
+    points = DISTANCE * np.asarray(rays) + np.asarray(before)[:, None] * [0, 0, 1]
+    # Places of the true lens that differ from those of the fit by a shift of pixels at most.
+    there = np.isfinite(LENS.project(points)[:, 0])
+    assert np.mean(there) > 0.9
+    poses, off = Poses(jnp.asarray(turns), jnp.asarray(shifts)), []
+    prior = Prior(TRUTH, np.array([350.0, 100, 100, 0.5, 0.3, 0.2, 0.1, 3, 1.5]))
+    for seed in range(25):
+        seen, _ = sightings(turns, shifts, 100 + seed)
+        weighted = Sightings(seen.points, seen.places, seen.deviations * NOISE)
+        lens = adjust(weighted, lens_of(jnp.asarray(TRUTH)), poses, prior, robust=False).lens
+        places = np.asarray(lens.places(jnp.asarray(points[there])))
+        change = (places - LENS.project(points[there])).ravel()
+        off.append(rigidly_left(points[there], change))
+    scatter = np.sqrt(np.mean(np.square(off), axis=0).reshape(-1, 2).mean(axis=1))
+    predicted = found.deviations[imaged][there]
+    angles = np.arccos(np.asarray(rays)[there, 2])
+    # 25 draws of few independent parameters know a deviation to 15 %; the noise is known to 4 %.
+    for part in (angles < np.median(angles), angles >= np.median(angles)):
+        ratio = np.sqrt(np.mean(scatter[part] ** 2) / np.mean(predicted[part] ** 2))
+        assert 0.65 < ratio < 1.5
+
+
+def test_suggested_pictures_lower_the_deviations_as_predicted(few):
+    fit, _, _ = few
+    before = predict_deviations(fit.calibrated, DISTANCE).rms
+    suggestions = suggest_pictures(fit.calibrated, POINTS, (15.0, 60.0))
+    assert 1 <= len(suggestions) <= 3
+    predicted = [one.deviation for one in suggestions]
+    assert predicted == sorted(predicted, reverse=True)
+    assert predicted[0] < 0.9 * before
+    first = suggestions[0]
+    assert first.distance == pytest.approx(15) or 15 < first.distance < 61
+    # Take it: a board whose middle is there, turned as stated, by the outline of its points.
+    imaged = np.isfinite(first.outline[:, 0])
+    assert np.mean(imaged) >= 0.4
+    taken = np.asarray(fit.sightings.places).copy()
+    more = Sightings(
+        jnp.asarray(np.concatenate([fit.sightings.points, POINTS[None]])),
+        jnp.asarray(np.concatenate([taken, first.outline[None]])),
+        jnp.asarray(
+            np.concatenate([fit.sightings.deviations, np.where(imaged, 1.0, np.inf)[None]])
+        ),
+    )
+    after = calibrate_lens(more, LENS.size)
+    assert predict_deviations(after.calibrated, DISTANCE).rms < 0.7 * before
+
+
+def test_a_picture_adds_its_information(few):
+    """The covariance with a picture more, as adjustment has it."""
+    fit, _, _ = few
+    prior = Prior(parameters_of(fit.calibrated.lens), np.full(9, 1e3))
+    every = jax.tree.map(np.asarray, sightings(*boards(7, 6), 8, noise=1e-9)[0])
+    poses = Poses(*map(jnp.asarray, boards(7, 6)))
+
+    def covariance(count):
+        some = Sightings(
+            *(jnp.asarray(leaf[:count]) for leaf in (every.points, every.places, every.deviations))
+        )
+        own = jax.tree.map(lambda leaf: leaf[:count], poses)
+        return adjust(some, lens_of(jnp.asarray(TRUTH)), own, prior, robust=False).covariance
+
+    given = jnp.asarray(TRUTH), poses.turns[5:], poses.shifts[5:], jnp.asarray(POINTS)
+    _, _, by_lens, by_pose = map(np.asarray, _board_slopes(*given))
+    which = np.isfinite(every.deviations[5])
+    expected = covariance(6)
+    found = _updated(covariance(5), _information(by_lens[0][which], by_pose[0][which]))
+    size = np.sqrt(np.diagonal(expected))
+    np.testing.assert_allclose(
+        found / size / size[:, None], expected / size / size[:, None], atol=0.02
+    )
+
+
+def test_nothing_is_suggested_where_nothing_helps(few):
+    fit, _, _ = few
+    sure = fit.calibrated.__class__(
+        **{**vars(fit.calibrated), "covariance": 1e-12 * fit.calibrated.covariance}
+    )
+    assert suggest_pictures(sure, POINTS, (15.0, 60.0)) == []
