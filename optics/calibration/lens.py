@@ -26,7 +26,7 @@ from optics.calibration.bundle import (
     parameters_of,
 )
 from optics.calibration.calibrated import CalibratedLens
-from optics.calibration.starts import AHEAD, LEAST_POINTS, find_starts
+from optics.calibration.starts import AHEAD, LEAST_POINTS, find_starts, start_poses
 from optics.scene.camera import turning_point
 
 LEAST_PICTURES = 3
@@ -190,6 +190,38 @@ def _filled_up(shown: Sightings) -> Sightings:
     empty = eqx.tree_at(lambda one: one.deviations, one, np.full_like(one.deviations, np.inf))
     parts = shown, *more * [empty]
     return jax.tree.map(lambda *leaves: jnp.asarray(np.concatenate(leaves)), *parts)
+
+
+def locate_boards(
+    lens: CalibratedLens, sightings: Sightings
+) -> tuple[Poses, Float[np.ndarray, "pictures most 2"]]:
+    """The pose of the board in every picture of a calibrated camera.
+
+    Args:
+        lens: of the camera.
+        sightings: of the board, at least `LEAST_POINTS` in each picture; those that are not used
+            count nothing.
+
+    Returns:
+        Poses, and predicted minus seen places of all corners that have one, px.
+
+    Example:
+        >>> square = 10.0 * jnp.array([[[0, 0], [1, 0], [1, 1], [0, 1], [2, 0], [0, 2.0]]])
+        >>> fisheye = Fisheye(400.0, jnp.array([639.5, 479.5]), jnp.zeros(4), jnp.zeros(2))
+        >>> lens = CalibratedLens(
+        ...     fisheye, (1280, 960), np.eye(9), 0.05, 0.05, 1.2, (20.0, 40.0), 10
+        ... )
+        >>> points = jnp.concatenate([square, jnp.full((1, 6, 1), 30.0)], axis=-1)
+        >>> seen = Sightings(square, fisheye.places(points), jnp.ones((1, 6)))
+        >>> poses, left = locate_boards(lens, seen)
+        >>> [round(float(one), 3) for one in jnp.abs(poses.shifts[0])]
+        [0.0, 0.0, 30.0]
+    """
+    there = np.isfinite(np.asarray(sightings.places))
+    rays, _ = lens.lens.rays(jnp.where(there, sightings.places, 0.0))
+    parts = (sightings.points, rays, sightings.used)
+    begin, _ = start_poses(*map(np.asarray, parts))
+    return find_poses(lens.lens, _weighted(sightings, lens.noise), begin)
 
 
 def _first_fit(shown: Sightings, size: tuple[int, int]) -> tuple[Bundle, Prior]:

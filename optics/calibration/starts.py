@@ -7,7 +7,7 @@ import math
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from optics.calibration.bundle import Poses, Sightings
 from optics.calibration.fisheye import Fisheye
@@ -61,19 +61,34 @@ def find_starts(sightings: Sightings, size: tuple[int, int]) -> list[tuple[Fishe
         angle = np.interp(radius, heights, tabled)
         share = np.sin(angle) / np.where(radius > 0, radius, 1.0)
         rays = np.concatenate([away * share[..., None], np.cos(angle)[..., None]], axis=-1)
-        turns, shifts, errors = [], [], []
-        for one, seen, which in zip(points, rays, used, strict=True):
-            if which.sum() < LEAST_POINTS:
-                rotation, shift, off = np.eye(3), AHEAD, np.zeros(0)
-            else:
-                rotation, shift, off = _pose_of_plane(one[which], seen[which])
-            turns.append(rotation)
-            shifts.append(shift)
-            errors.append(off)
+        poses, errors = start_poses(points, rays, used)
         lens = Fisheye(focal, middle, np.array([bend, 0, 0, 0]), np.zeros(2))
-        poses = Poses(jnp.asarray(np.array(turns)), jnp.asarray(np.array(shifts)))
-        found.append((lens, poses, focal * float(np.median(np.concatenate(errors)))))
+        found.append((lens, poses, focal * float(np.median(errors))))
     return sorted(found, key=lambda start: start[2])
+
+
+def start_poses(
+    points: Float[np.ndarray, "pictures most 2"],
+    rays: Float[np.ndarray, "pictures most 3"],
+    used: Bool[np.ndarray, "pictures most"],
+) -> tuple[Poses, Float[np.ndarray, " corners"]]:
+    """Poses of the board in several pictures, by rays from one point.
+
+    Returns:
+        Poses, and angles between seen and predicted rays, rad.
+    """
+    turns, shifts, errors = [], [], []
+    for one, seen, which in zip(points, rays, used, strict=True):
+        if which.sum() < LEAST_POINTS:
+            rotation, shift, off = np.eye(3), AHEAD, np.zeros(0)
+        else:
+            rotation, shift, off = _pose_of_plane(one[which], seen[which])
+        turns.append(rotation)
+        shifts.append(shift)
+        errors.append(off)
+    return Poses(jnp.asarray(np.array(turns)), jnp.asarray(np.array(shifts))), np.concatenate(
+        errors
+    )
 
 
 def _pose_of_plane(
