@@ -326,8 +326,9 @@ def video(path: str, answers: Answers, messages: Messages) -> None:
     else:
         rest = max(1, named - 1 - capture.position) if capture.why else 0
     reason = f"missing: {capture.why or 'the file names more pictures than it has'}"
-    if not seen and not rest:
-        rest, reason = 1, "there are no pictures in it"
+    if not seen:
+        rest = max(rest, named, 1)
+        reason = ": ".join(filter(None, ["there are no pictures in it", capture.why]))
     answers.write(end=True, reason=reason, lost=rest)
 
 

@@ -102,9 +102,10 @@ class LiveStream(Source):
                 broke_off, back = None, now
             if answer.lost:
                 yield self._skipped(answer.lost)
+            text = "" if answer.image is None else still.look(answer.image, answer.time)
             yield make_item(self._number, answer, answer.time - self._began)
             self._number += 1
-            if answer.image is not None and (text := still.look(answer.image, answer.time)):
+            if text:
                 yield self._notice(text)
 
     def _ask(self) -> Answer:
@@ -114,11 +115,13 @@ class LiveStream(Source):
             return Answer(end=True)
         process.ask()
         answer = process.answer(HANGING)
-        if answer is None and not self._closed.is_set():
+        if answer is not None:
+            return replace(answer, reason=without_password(answer.reason))
+        if not self._closed.is_set():
             self._start("live", *self._arguments)
-        if answer is None:
-            return Answer(reason="the decoder hung or crashed", end=True)
-        return replace(answer, reason=without_password(answer.reason))
+        if self._closed.is_set():  # and maybe just now
+            self._end()
+        return Answer(reason="the decoder hung or crashed", end=True)
 
     def _notice(self, text: str) -> Notice:
         return Notice(time.monotonic() - self._began, f"{self.name}: {text}")

@@ -19,10 +19,12 @@ BARS = 12
 
 
 def picture(number: int, size: tuple[int, int] = (COLUMNS, ROWS)) -> np.ndarray:
-    """A picture, BGR, into which its number is drawn."""
-    bits = [255 * (number >> bit & 1) for bit in range(BARS)]
-    image = cv2.resize(np.array([bits], np.uint8), size, interpolation=cv2.INTER_NEAREST)
-    return cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
+    """A picture, BGR, into which its number is drawn, over a pattern that stays the same."""
+    columns, rows = size
+    bits = [130 * (number >> bit & 1) for bit in range(BARS)]
+    bars = cv2.resize(np.array([bits], np.uint8), size, interpolation=cv2.INTER_NEAREST)
+    pattern = np.random.default_rng(0).integers(30, 90, (rows, columns, 3), np.uint8)
+    return bars[..., None] + pattern
 
 
 def number_of(image: np.ndarray) -> int:
