@@ -10,6 +10,7 @@ the image that it announces; `perception.sources.process` reads them.
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import re
@@ -33,6 +34,9 @@ MOST_PIXELS = 100_000_000
 
 PADDING = 16
 """Bytes of filling that a camera may leave between a JPEG's data and its end mark."""
+
+MOST_TEXT = 1 << 20
+"""Bytes of messages that are kept."""
 
 OPENING, SILENCE = 5.0, 3.0
 """Seconds in which a live stream must open, and after which it counts as broken off if silent."""
@@ -68,22 +72,35 @@ class Shot(NamedTuple):
 
 
 class Messages:
-    """What decoders wrote on the error stream, line by line."""
+    """What decoders wrote on the error stream, line by line: FFmpeg's lines, and others.
+
+    A thread that reads with FFmpeg must not take what libjpeg reports meanwhile of a picture.
+    """
 
     def __init__(self) -> None:
         self.file = tempfile.TemporaryFile()  # noqa: SIM115 - it is the process's error stream
-        for stream in (1, 2):  # FFmpeg may be told to write on the standard output
-            os.dup2(self.file.fileno(), stream)
+        self.lock, self.start = threading.Lock(), 0
+        self.lines: dict[bool, list[str]] = {True: [], False: []}
+        number = self.file.fileno()
+        fcntl.fcntl(number, fcntl.F_SETFL, fcntl.fcntl(number, fcntl.F_GETFL) | os.O_APPEND)
+        for stream in (1, 2):  # nothing is to come between the answers
+            os.dup2(number, stream)
 
-    def take(self) -> list[str]:
-        """The lines since they were taken last."""
-        if not self.file.seek(0, os.SEEK_END):
-            return []
-        self.file.seek(0)
-        lines = self.file.read().decode(errors="replace").splitlines()
-        self.file.seek(0)
-        self.file.truncate()
-        return [" ".join(ORIGIN.sub(r"\1: ", line).split()) for line in lines if line.strip()]
+    def take(self, *, ffmpeg: bool) -> list[str]:
+        """The lines of FFmpeg, or the others, since they were taken last."""
+        with self.lock:
+            number = self.file.fileno()
+            text, _, rest = os.pread(number, MOST_TEXT, self.start).rpartition(b"\n")
+            self.start += len(text) + bool(text)
+            if self.start > MOST_TEXT and not rest:
+                os.ftruncate(number, 0)
+                self.start = 0
+            for line in text.decode(errors="replace").splitlines():
+                self.lines[bool(ORIGIN.match(line))].append(
+                    " ".join(ORIGIN.sub(r"\1: ", line).split())
+                )
+            taken, self.lines[ffmpeg] = self.lines[ffmpeg], []
+        return [line for line in taken if line]
 
 
 def complaint(lines: Iterable[str]) -> str:
@@ -97,14 +114,14 @@ def complaint(lines: Iterable[str]) -> str:
 
 def decode(data: bytes, messages: Messages) -> tuple[np.ndarray | None, str]:
     """The image in bytes of a file, or ``None`` and why there is none."""
-    messages.take()
+    messages.take(ffmpeg=False)
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), COLORS) if data else None
     except (cv2.error, MemoryError) as error:
-        if "MAX_IMAGE" in str(error) or isinstance(error, MemoryError):
+        if "MAX_IMAGE" in str(error):
             return None, f"it has more than {MOST_PIXELS // 10**6} million pixels"
         return None, f"it cannot be decoded: {' '.join(str(error).split())}"
-    wrong = complaint(line for line in messages.take() if "libpng warning" not in line)
+    wrong = complaint(line for line in messages.take(ffmpeg=False) if "libpng warning" not in line)
     if image is not None and not wrong:
         return image, ""
     return None, f"it is damaged: {wrong}" if wrong else "it is cut off or damaged"
@@ -127,8 +144,8 @@ class Capture:
     ) -> None:
         self.messages, self.damaged, self.why = messages, False, ""
         self.position, self.steps = -1, 0
-        messages.take()
         self.is_device = isinstance(target, int)
+        self._take()
         if isinstance(target, int):
             backend = cv2.CAP_V4L2 if sys.platform == "linux" else cv2.CAP_ANY
             self.capture = cv2.VideoCapture(target, backend)
@@ -146,7 +163,7 @@ class Capture:
             parameters += [part for key, wait in waits.items() for part in (key, int(1000 * wait))]
             self.capture = cv2.VideoCapture(target, cv2.CAP_FFMPEG, parameters)
         if not self.capture.isOpened():
-            raise OSError(next(iter(messages.take()), "there is nothing to be read"))
+            raise OSError(next(iter(self._take()), "there is nothing to be read"))
         width, height = (
             self.capture.get(one) for one in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
         )
@@ -161,7 +178,7 @@ class Capture:
         if self.is_jpeg:
             # Whole JPEGs: FFmpeg would mend what is missing, and libjpeg reports it.
             self.capture.set(cv2.CAP_PROP_FORMAT, -1)
-        self.opening = messages.take()
+        self.opening = self._take()
 
     @property
     def count(self) -> int:
@@ -171,10 +188,10 @@ class Capture:
 
     def read(self, patience: float = float("inf")) -> Shot | None:
         """The next picture; ``None`` at the end, and where none comes for so many seconds."""
-        began, lines = time.monotonic(), []
+        began, lines, grabbed = time.monotonic(), list[str](), False
         for _ in range(ATTEMPTS):
             grabbed = self.capture.grab()
-            lines += self.messages.take()
+            lines += self._take()
             if grabbed or time.monotonic() - began > patience:
                 break
         if not grabbed:
@@ -187,7 +204,7 @@ class Capture:
             has, data = self.capture.retrieve()
         except cv2.error:
             has, data = False, None
-        lines += self.messages.take()
+        lines += self._take()
         wrong = complaint(lines)
         if self.is_jpeg:
             return Shot(data.tobytes() if data is not None else b"", "", seconds, gap, wrong)
@@ -201,6 +218,10 @@ class Capture:
             return Shot(cv2.cvtColor(data, cv2.COLOR_BGR2RGB), "", seconds, gap, wrong)
         reason = f"it is damaged: {wrong}" if wrong else "it follows a damaged picture"
         return Shot(None, reason if has else "it has no data", seconds, gap, wrong)
+
+    def _take(self) -> list[str]:
+        """Messages: of FFmpeg; those about a device's pictures are libjpeg's."""
+        return self.messages.take(ffmpeg=not self.is_device)
 
     def _gap(self, *, noticed: bool) -> int:
         """Pictures that are missing before this one, by its time.

@@ -17,8 +17,10 @@ Size = tuple[int, int]
 class Source(abc.ABC):
     """Where pictures come from. Iterating yields every one, and what was lost, in their order.
 
-    The numbers of frames and of lost frames add up to what there was. A source ends at the end of
-    a ``with`` block, or by `close`; one of files ends by itself and can be iterated again.
+    The numbers of frames and of lost frames add up to what there was. A frame is lost if its
+    decoder notices damage: all pieces that are missing or zero it does, but JPEG has no checksum,
+    and a few wrong bytes in it often pass for a picture. A source ends at the end of a ``with``
+    block, or by `close`; one of files ends by itself and can be iterated again.
 
     Attributes:
         name: what a person calls it.

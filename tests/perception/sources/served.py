@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import threading
 import time
 from collections.abc import Iterator
@@ -20,11 +21,15 @@ BARS = 12
 
 def picture(number: int, size: tuple[int, int] = (COLUMNS, ROWS)) -> np.ndarray:
     """A picture, BGR, into which its number is drawn, over a pattern that stays the same."""
-    columns, rows = size
     bits = [130 * (number >> bit & 1) for bit in range(BARS)]
     bars = cv2.resize(np.array([bits], np.uint8), size, interpolation=cv2.INTER_NEAREST)
-    pattern = np.random.default_rng(0).integers(30, 90, (rows, columns, 3), np.uint8)
-    return bars[..., None] + pattern
+    return bars[..., None] + _pattern(size)
+
+
+@functools.cache
+def _pattern(size: tuple[int, int]) -> np.ndarray:
+    columns, rows = size
+    return np.random.default_rng(0).integers(30, 90, (rows, columns, 3), np.uint8)
 
 
 def number_of(image: np.ndarray) -> int:

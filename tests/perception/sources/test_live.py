@@ -91,6 +91,20 @@ def test_a_broken_picture_is_lost_and_the_next_one_comes(camera: Camera, source:
     assert not texts(found)
 
 
+def test_damage_that_only_a_message_names_is_never_missed(camera: Camera, source: Source) -> None:
+    """The decoder decodes one picture while it reads the next ones."""
+    camera.pause, camera.size = 0.0, (640, 480)
+    no_code = 40 * b"\xff\x00"
+    for number in range(camera.sent + 10, 2**12, 2):
+        camera.spoil[number] = lambda data: data[:2000] + no_code + data[2000:]
+    found = until(iter(source), frames(60))
+    shown = {number_of(item.image) for item in found if isinstance(item, Frame)}
+    lost = [item for item in found if isinstance(item, LostFrame) and item.loss is Loss.BROKEN]
+    assert not shown & set(camera.spoil)
+    assert len(lost) > 10
+    assert all("damaged: " in item.reason for item in lost)
+
+
 def test_another_size_in_mid_stream_is_lost(camera: Camera) -> None:
     with open_source(camera.url, size=camera.size) as source:
         items = iter(source)
@@ -127,7 +141,8 @@ def test_waits_grow(monkeypatch: pytest.MonkeyPatch, camera: Camera, source: Sou
         waits.append(seconds)
         camera.is_on = len(waits) > 6
 
-    monkeypatch.setattr(source._closed, "wait", wait)  # type: ignore[attr-defined]
+    assert isinstance(source, live.LiveStream)
+    monkeypatch.setattr(source._closed, "wait", wait)
     camera.is_on = False
     until(items, lambda item: isinstance(item, Notice) and "back after" in str(item))
     assert waits[:7] == [0.2, 0.4, 0.8, 1.6, 3.2, 5.0, 5.0]
