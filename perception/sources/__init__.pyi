@@ -1,0 +1,16 @@
+from .frames import Frame, Item, Loss, LostFrame, Notice
+from .light import Light, LightWatch
+from .opening import open_source
+from .source import Source
+
+__all__ = [
+    "Frame",
+    "Item",
+    "Light",
+    "LightWatch",
+    "Loss",
+    "LostFrame",
+    "Notice",
+    "Source",
+    "open_source",
+]
