@@ -232,6 +232,7 @@ def build_camera(table: CameraTable) -> Camera:
         module=None if table.module is None else _module(table.module),
         max_blur=table.max_blur_px,
         pupil_shift=None if table.pupil_shift is None else jnp.asarray(table.pupil_shift, float),
+        axis_offset=table.axis_offset_px,
     )
 
 

@@ -47,6 +47,7 @@ class BoardPictures:
     Attributes:
         names: of the pictures that show some of it.
         places: columns and rows of the board's points in each of them, NaN where one is not found.
+        deviations: of either, px; infinite where one is not found.
         empty: names of those that show none.
         lost: lines on those that cannot be read.
         size: columns and rows of all.
@@ -54,6 +55,7 @@ class BoardPictures:
 
     names: list[str] = field(default_factory=list)
     places: list[Float[np.ndarray, "points 2"]] = field(default_factory=list)
+    deviations: list[Float[np.ndarray, " points"]] = field(default_factory=list)
     empty: list[str] = field(default_factory=list)
     lost: list[str] = field(default_factory=list)
     size: tuple[int, int] = (0, 0)
@@ -141,12 +143,13 @@ def _look(found: BoardPictures, frame: Frame, board: Board, *, novel: bool) -> N
     if corners is None:
         found.empty.append(frame.name)
         return
-    places = np.full((len(board.points), 2), np.nan)
-    places[corners.numbers] = corners.places
+    places, deviations = np.full(board.points.shape, np.nan), np.full(len(board.points), np.inf)
+    places[corners.numbers], deviations[corners.numbers] = corners.places, corners.errors
     if novel and found.names and _moved(found.places[-1], places) < MOVED * columns:
         return
     found.names.append(frame.name)
     found.places.append(places)
+    found.deviations.append(deviations)
 
 
 def _moved(one: Float[np.ndarray, "points 2"], other: Float[np.ndarray, "points 2"]) -> float:
@@ -159,18 +162,15 @@ def _thin_out(found: BoardPictures) -> None:
     """Leave the picture out that differs least from the one after it."""
     apart = [_moved(*pair) for pair in itertools.pairwise(found.places)]
     least = int(np.argmin(apart))
-    for kept in (found.names, found.places):
+    for kept in (found.names, found.places, found.deviations):
         kept.pop(least)
 
 
 def sightings_of(found: BoardPictures, board: Board) -> Sightings:
-    """The pictures' corners, all of one deviation."""
+    """The pictures' corners."""
     places = np.array(found.places)
-    return Sightings(
-        points=jnp.broadcast_to(jnp.asarray(board.points), places.shape),
-        places=jnp.asarray(places),
-        deviations=jnp.asarray(np.where(np.isfinite(places[..., 0]), 1.0, np.inf)),
-    )
+    points = jnp.broadcast_to(jnp.asarray(board.points), places.shape)
+    return Sightings(points, jnp.asarray(places), jnp.asarray(np.array(found.deviations)))
 
 
 def _summary(fit: LensFit, found: BoardPictures, rms: float, distance: float) -> Iterator[str]:

@@ -22,9 +22,7 @@ class LensCheckSpec(Spec):
     @model_validator(mode="after")
     def _has_pictures(self) -> LensCheckSpec:
         if self.fewest > self.most:
-            raise ValueError(
-                f"fewest ({self.fewest}) must not exceed most ({self.most}); lower it"
-            )
+            raise ValueError(f"fewest ({self.fewest}) must not exceed most ({self.most}); lower it")
         return self
 
 

@@ -67,7 +67,7 @@ def _add_set(
         "DICT_" + board.family.upper().replace("-", "_"),
     )  # fmt: skip
     count = int(generator.integers(spec.fewest, spec.most + 1))
-    seen, true, seconds = [], [], []
+    seen, stated, true, seconds = [], [], [], []
     for picture in range(count + spec.further):
         pose = judge.random_pose(generator, lens, made)
         conditions = judge.random_conditions(generator)
@@ -75,17 +75,21 @@ def _add_set(
         begin = time.perf_counter()
         found = detect_board(taken.pixels, board)
         seconds.append(time.perf_counter() - begin)
-        places = np.full(taken.places.shape, np.nan)
+        places, deviations = np.full(taken.places.shape, np.nan), np.full(len(taken.places), np.inf)
         if found is not None:
-            places[found.numbers] = found.places
+            places[found.numbers], deviations[found.numbers] = found.places, found.errors
         seen.append(places)
+        stated.append(deviations)
         true.append(taken.places)
-    places, truth = np.array(seen), np.array(true)
+    places, deviations, truth = np.array(seen), np.array(stated), np.array(true)
     off = np.linalg.norm(places - truth, axis=-1)
     where = {"lens": number, "board": kind, "field_deg": 2 * np.degrees(lens.largest)}
     imaged = int(np.isfinite(truth[..., 0]).sum())
     begin = time.perf_counter()
-    given = sightings(board, places[:count])
+    shown = sightings(board, places, deviations)
+    given, further = (
+        jax.tree.map(lambda leaf: leaf[part], shown) for part in (slice(count), slice(count, None))
+    )
     fit = failure = None
     try:
         fit = calibrate_lens(given, lens.size)
@@ -93,7 +97,7 @@ def _add_set(
         failure = str(error)
     took = time.perf_counter() - begin
     rival = calibrate_with_opencv(board.points, places[:count], lens.size)
-    judged = [] if fit is None else _further(fit, board, places[count:], truth[count:])
+    judged = [] if fit is None else _further(fit, further, truth[count:])
     sets.add(
         **where,
         pictures=count,
@@ -112,33 +116,31 @@ def _add_set(
         rival_px=rival.median,
         rival_seconds=rival.seconds,
     )
-    corners.add(board=kind, error_px=off[np.isfinite(off)])
+    known = np.isfinite(off)
+    corners.add(board=kind, error_px=off[known], ratio=off[known] / deviations[known])
     if fit is not None:
         for name, error, deviation in parameter_errors(fit, lens):
             errors.add(**where, parameter=name, error=error, deviation=deviation,
                        ratio=error / deviation)  # fmt: skip
 
 
-def sightings(board: Board, places: Float[np.ndarray, "pictures points 2"]) -> Sightings:
+def sightings(
+    board: Board,
+    places: Float[np.ndarray, "pictures points 2"],
+    deviations: Float[np.ndarray, "pictures points"],
+) -> Sightings:
     """What pictures show of a board."""
-    return Sightings(
-        points=jnp.broadcast_to(jnp.asarray(board.points), places.shape),
-        places=jnp.asarray(places),
-        deviations=jnp.asarray(np.where(np.isfinite(places[..., 0]), 1.0, np.inf)),
-    )
+    points = jnp.broadcast_to(jnp.asarray(board.points), places.shape)
+    return Sightings(points, jnp.asarray(places), jnp.asarray(deviations))
 
 
 def _further(
-    fit: LensFit,
-    board: Board,
-    places: Float[np.ndarray, "pictures points 2"],
-    truth: Float[np.ndarray, "pictures points 2"],
+    fit: LensFit, seen: Sightings, truth: Float[np.ndarray, "pictures points 2"]
 ) -> Float[np.ndarray, " corners"]:
     """Distances of true corners from those predicted, in pictures that the fit has not had.
 
     A picture's pose is that of every other corner that is found in it.
     """
-    seen = sightings(board, places)
     used = np.asarray(seen.used).copy()
     used[:, 1::2] = False
     enough = used.sum(axis=1) >= LEAST_POINTS
@@ -146,7 +148,7 @@ def _further(
         seen.points, seen.places, jnp.where(jnp.asarray(used), seen.deviations, jnp.inf)
     )
     _, left = locate_boards(fit.calibrated, half)
-    off = np.linalg.norm(left + places - truth, axis=-1)[:, 1::2][enough]
+    off = np.linalg.norm(left + np.asarray(seen.places) - truth, axis=-1)[:, 1::2][enough]
     return off[np.isfinite(off)]
 
 
