@@ -13,7 +13,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from perception.boards import Board, detect_board, read_board
-from perception.sources import Frame, LostFrame, VideoFile, open_source
 
 from designopt.errors import UserError
 from designopt.io.files import check_targets, printable, replaced_when_complete
@@ -29,6 +28,7 @@ from optics.calibration import (
     suggest_pictures,
 )
 from optics.plot.lens_figure import draw_lens_fit
+from perception.sources import Frame, LostFrame, VideoFile, open_source
 
 MOST = 60
 """Pictures that are used; of a longer video, those that differ most."""

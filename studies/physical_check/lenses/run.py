@@ -85,11 +85,11 @@ def _add_set(
     off = np.linalg.norm(places - truth, axis=-1)
     where = {"lens": number, "board": kind, "field_deg": 2 * np.degrees(lens.largest)}
     imaged = int(np.isfinite(truth[..., 0]).sum())
-    begin = time.perf_counter()
-    shown = sightings(board, places, deviations)
     given, further = (
-        jax.tree.map(lambda leaf: leaf[part], shown) for part in (slice(count), slice(count, None))
+        sightings(board, places[part], deviations[part])
+        for part in (slice(count), slice(count, None))
     )
+    begin = time.perf_counter()
     fit = failure = None
     try:
         fit = calibrate_lens(given, lens.size)
