@@ -23,14 +23,11 @@ from studies.oracles.judge.wide_lens import WideLens
 from studies.physical_check.lenses import LensCheckSpec
 from studies.physical_check.lenses.rival import calibrate_with_opencv
 
-KINDS: list[tuple[str, dict[str, str | int | float]]] = [
-    ("charuco", {"kind": "charuco"}),
-    ("apriltag", {"kind": "apriltag", "columns": 9, "rows": 7, "square": 6.5}),
-]
-"""Boards of one lens after the other."""
-
-OPENCV = {"charuco": "charuco", "apriltag": "tags"}
-"""The judge's names of the kinds of boards."""
+BOARDS = (
+    (Board(), "charuco", "DICT_4X4_100"),
+    (Board(kind="apriltag", columns=9, rows=7, square=6.5), "tags", "DICT_APRILTAG_36h11"),
+)
+"""Boards of one lens after the other, and what the judge and OpenCV call their kind and markers."""
 
 
 def run(spec: LensCheckSpec, context: Context) -> Results:
@@ -60,12 +57,8 @@ def _add_set(
     """Photograph a board with a random lens, calibrate it, add what is found."""
     generator = np.random.default_rng([seed, number])
     lens = judge.random_lens(generator)
-    kind, keys = KINDS[number % len(KINDS)]
-    board = Board.model_validate(keys)
-    made = judge.Board(
-        OPENCV[kind], board.columns, board.rows, board.square, board.marker_side,
-        "DICT_" + board.family.upper().replace("-", "_"),
-    )  # fmt: skip
+    board, kind, markers = BOARDS[number % len(BOARDS)]
+    made = judge.Board(kind, board.columns, board.rows, board.square, board.marker_side, markers)
     count = int(generator.integers(spec.fewest, spec.most + 1))
     seen, stated, true, seconds = [], [], [], []
     for picture in range(count + spec.further):
@@ -83,7 +76,7 @@ def _add_set(
         true.append(taken.places)
     places, deviations, truth = np.array(seen), np.array(stated), np.array(true)
     off = np.linalg.norm(places - truth, axis=-1)
-    where = {"lens": number, "board": kind, "field_deg": 2 * np.degrees(lens.largest)}
+    where = {"lens": number, "board": board.kind, "field_deg": 2 * np.degrees(lens.largest)}
     imaged = int(np.isfinite(truth[..., 0]).sum())
     given, further = (
         sightings(board, places[part], deviations[part])
@@ -117,7 +110,7 @@ def _add_set(
         rival_seconds=rival.seconds,
     )
     known = np.isfinite(off)
-    corners.add(board=kind, error_px=off[known], ratio=off[known] / deviations[known])
+    corners.add(board=board.kind, error_px=off[known], ratio=off[known] / deviations[known])
     if fit is not None:
         for name, error, deviation in parameter_errors(fit, lens):
             errors.add(**where, parameter=name, error=error, deviation=deviation,
