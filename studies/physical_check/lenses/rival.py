@@ -12,6 +12,9 @@ from jaxtyping import Float
 FAR_OFF_PX = 1.0
 """A median error above this is no calibration."""
 
+FEWEST = 10
+"""Corners of a picture that it gets: with fewer it ends in exceptions of other kinds."""
+
 
 class Rival(NamedTuple):
     """What ``cv2.fisheye.calibrate`` makes of pictures.
@@ -39,6 +42,7 @@ def calibrate_with_opencv(
         places: of its corners in each picture, NaN where one is not found.
         size: columns and rows of the images.
     """
+    places = places[np.isfinite(places[..., 0]).sum(axis=1) >= FEWEST]
     shown = [np.isfinite(one[:, 0]) for one in places]
     solid = np.column_stack([points, np.zeros(len(points))])
     begin = time.perf_counter()
@@ -49,7 +53,7 @@ def calibrate_with_opencv(
             size,
             np.eye(3),
             np.zeros((4, 1)),
-            flags=cv2.fisheye.CALIB_RECOMPUTE_EXTRINSIC | cv2.fisheye.CALIB_FIX_SKEW,
+            flags=cv2.CALIB_RECOMPUTE_EXTRINSIC | cv2.CALIB_FIX_SKEW,
             criteria=(cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-9),
         )
     except cv2.error as error:
