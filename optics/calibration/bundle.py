@@ -1,7 +1,8 @@
 """Bundle adjustment on rays: one lens, and a pose of the board in every picture.
 
 Source: B. Triggs et al., *Bundle adjustment, a modern synthesis*, 2000, §4 and §6: least squares
-over all unknowns together, a Jacobian of which most entries are 0, and robust weights.
+over all unknowns together, a Jacobian of which most entries are 0, and robust weights; each picture
+by its own QR factorisation.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from designopt.fitting import Fit, least_squares, robust_residuals
+from designopt.numerics import safe_sqrt
 from optics.calibration.fisheye import Fisheye
 
 LENS = 9
@@ -22,6 +24,9 @@ LENS = 9
 
 POSE = 6
 """Parameters of a board's pose: a turn after that of its start, and a translation."""
+
+OWN = LENS + POSE
+"""Parameters that the corners of one picture depend on."""
 
 TOLERANCE, STEPS = 1e-10, 100
 """Of the search, and a cap on its steps."""
@@ -84,6 +89,9 @@ class Bundle(NamedTuple):
         residuals: found minus seen places, px, used or not; 0 where there is none.
         covariance: of the lens's parameters, by the stated deviations.
         solved: whether the search ended at a minimum.
+        scatter: mean square of what pictures contradict each other by in the lens's parameters, in
+            units of what the stated deviations let expect: above 1, corners of one picture are off
+            together, or no lens of this kind is right.
     """
 
     lens: Fisheye
@@ -91,6 +99,7 @@ class Bundle(NamedTuple):
     residuals: Float[np.ndarray, "pictures most 2"]
     covariance: Float[np.ndarray, "9 9"]
     solved: bool
+    scatter: float
 
 
 def parameters_of(lens: Fisheye) -> Float[np.ndarray, "9"]:
@@ -118,10 +127,10 @@ def adjust(
     """
     start = jnp.asarray(parameters_of(lens))
     mean, deviation = map(jnp.asarray, prior)
-    lens_fit, moved, left, solved, covariance = _adjusted(
-        sightings, start, poses, mean, deviation, jnp.asarray(robust)
-    )
-    return Bundle(lens_of(lens_fit), moved, np.asarray(left), np.asarray(covariance), bool(solved))
+    found = _adjusted(sightings, start, poses, mean, deviation, jnp.asarray(robust))
+    parameters, moved, left, solved, covariance, scatter = found
+    arrays = np.asarray(left), np.asarray(covariance)
+    return Bundle(lens_of(parameters), moved, *arrays, bool(solved), float(scatter))
 
 
 def turn(vector: Float[Array, "3"]) -> Float[Array, "3 3"]:
@@ -157,7 +166,7 @@ def _adjusted(
     mean: Float[Array, "9"],
     deviation: Float[Array, "9"],
     robust: Bool[Array, ""],
-) -> tuple[Array, Poses, Array, Array, Array]:
+) -> tuple[Array, Poses, Array, Array, Array, Array]:
     count, _ = sightings.deviations.shape
     weights = jnp.where(sightings.used, 1 / sightings.deviations, 0.0)
     there = jnp.isfinite(sightings.places)
@@ -178,17 +187,33 @@ def _adjusted(
     given = poses.turns, poses.shifts, sightings.points, places, weights
     spread = jnp.where(free, deviation, 1.0)
 
+    def condensed(lens: Array, pose: Array, *one: Array) -> tuple[Array, Array]:
+        """One picture in as few numbers as it has parameters, with the same squares and slopes.
+
+        An orthogonal map leaves sums of squares, gradients and normal equations as they are: to
+        hundreds of corners belong `OWN` residuals that depend on parameters and the norm of what
+        does not. Poses come first, so that the last rows are free of them.
+        """
+        by_lens, by_pose = jax.jacfwd(weighted, (0, 1))(lens, pose, *one)
+        slopes = jnp.concatenate([by_pose, jnp.where(free[None], by_lens, 0.0)], axis=1)
+        basis, triangle = jnp.linalg.qr(slopes)
+        left = weighted(lens, pose, *one)
+        along = basis.T @ left
+        rest = safe_sqrt(jnp.sum((left - basis @ along) ** 2))
+        return jnp.append(along, rest), triangle
+
+    every_picture = jax.vmap(condensed, (None, 0, 0, 0, 0, 0, 0))
+
     def residuals(values: Array, _: None) -> Array:
         lens, pose = pictures(values)
-        seen = jax.vmap(weighted, (None, 0, 0, 0, 0, 0, 0))(lens, pose, *given)
+        seen, _ = every_picture(lens, pose, *given)
         before = (lens - mean) / spread, pose.reshape(-1) / LOOSE
         return jnp.concatenate([seen.reshape(-1), *before])
 
     def jacobian(values: Array, _: None) -> Array:
-        lens, pose = pictures(values)
-        slopes = jax.vmap(jax.jacfwd(weighted, (0, 1)), (None, 0, 0, 0, 0, 0, 0))
-        by_lens, by_pose = slopes(lens, pose, *given)
-        by_lens = jnp.where(free[None, None], by_lens, 0.0).reshape(-1, LENS)
+        _, triangles = every_picture(*pictures(values), *given)
+        slopes = jnp.pad(triangles, ((0, 0), (0, 1), (0, 0)))
+        by_pose, by_lens = slopes[..., :POSE], slopes[..., POSE:].reshape(-1, LENS)
         apart = by_pose[:, :, None, :] * jnp.eye(count)[:, None, :, None]
         seen = jnp.concatenate([by_lens, apart.reshape(-1, count * POSE)], axis=1)
         before = jnp.concatenate([1 / spread, jnp.full(count * POSE, 1 / LOOSE)])
@@ -214,7 +239,13 @@ def _adjusted(
     moved = Poses(jax.vmap(turn)(pose[:, :3]) @ poses.turns, poses.shifts + pose[:, 3:])
     covariance = (fit.covariance * unit[None] * unit[:, None])[:LENS, :LENS]
     covariance = jnp.where(free[None] & free[:, None], covariance, 0.0)
-    return lens, moved, left, fit.solution.ok, covariance
+    seen, triangles = every_picture(lens, pose, *given)
+    own, slopes = seen[:, POSE:OWN], triangles[:, POSE:, POSE:]
+    expected = LENS - jnp.einsum("pij,jk,pik->p", slopes, covariance, slopes)
+    shown = jnp.any(weights > 0, axis=1)
+    scatter = jnp.sum(jnp.where(shown[:, None], own**2, 0.0))
+    scatter /= jnp.maximum(jnp.sum(jnp.where(shown, expected, 0.0)), 1.0)
+    return lens, moved, left, fit.solution.ok, covariance, scatter
 
 
 def find_poses(

@@ -273,7 +273,10 @@ def _without_outliers(
     left = (bundle.residuals / stated[..., None])[used]
     free = left.size - LENS - POSE * int(used.any(axis=1).sum())
     deviation = float(np.sqrt(np.sum(left**2) / free))
-    covariance = bundle.covariance * (deviation / noise) ** 2
+    # Corners of one picture may be off together, and the lens may be no polynomial: then the
+    # corners' deviation explains only a part of what pictures contradict each other by.
+    scale = max((deviation / noise) ** 2, bundle.scatter)
+    covariance = bundle.covariance * scale
     return bundle._replace(covariance=covariance), own, deviation
 
 
