@@ -206,12 +206,12 @@ def _adjusted(
 
     def residuals(values: Array, _: None) -> Array:
         lens, pose = pictures(values)
-        seen, _ = every_picture(lens, pose, *given)
+        seen = every_picture(lens, pose, *given)[0]
         before = (lens - mean) / spread, pose.reshape(-1) / LOOSE
         return jnp.concatenate([seen.reshape(-1), *before])
 
     def jacobian(values: Array, _: None) -> Array:
-        _, triangles = every_picture(*pictures(values), *given)
+        triangles = every_picture(*pictures(values), *given)[1]
         slopes = jnp.pad(triangles, ((0, 0), (0, 1), (0, 0)))
         by_pose, by_lens = slopes[..., :POSE], slopes[..., POSE:].reshape(-1, LENS)
         apart = by_pose[:, :, None, :] * jnp.eye(count)[:, None, :, None]

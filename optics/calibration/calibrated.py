@@ -116,7 +116,11 @@ def read_lens(path: str | Path) -> CalibratedLens:
     Raises:
         UserError: the file cannot be read or holds no lens; one line has the place and the cure.
     """
-    table = validated(LensFile, read_toml(path, "lens"), str(path)).lens
+    return calibrated_lens(validated(LensFile, read_toml(path, "lens"), str(path)).lens)
+
+
+def calibrated_lens(table: LensTable) -> CalibratedLens:
+    """The lens of a file's table."""
     parameters = table.focal_px, *table.principal_px, *table.projection, *table.pupil_shift
     return CalibratedLens(
         lens=lens_of(np.array(parameters)),

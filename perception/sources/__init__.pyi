@@ -2,6 +2,7 @@ from .frames import Frame, Item, Loss, LostFrame, Notice
 from .light import Light, LightWatch
 from .opening import open_source
 from .source import Source
+from .videos import VideoFile
 
 __all__ = [
     "Frame",
@@ -12,5 +13,6 @@ __all__ = [
     "LostFrame",
     "Notice",
     "Source",
+    "VideoFile",
     "open_source",
 ]

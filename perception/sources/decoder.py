@@ -290,7 +290,7 @@ class Answers:
         shape = None if image is None else image.shape[:2]
         self.stream.write(json.dumps({**fields, "shape": shape}).encode() + b"\n")
         if image is not None:
-            self.stream.write(memoryview(np.ascontiguousarray(image)).cast("B"))
+            self.stream.write(np.ascontiguousarray(image).data.cast("B"))
         self.stream.flush()
 
 

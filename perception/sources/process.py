@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import select
@@ -83,7 +84,7 @@ class DecoderProcess:
     def answer(self, timeout: float | None = None) -> Answer | None:
         """The next answer; ``None`` after so many seconds, and when the process has ended."""
         stream = self._process.stdout
-        assert stream is not None
+        assert isinstance(stream, io.BufferedReader)
         with suppress(ValueError):  # closed meanwhile
             if timeout is not None and not select.select([stream], [], [], timeout)[0]:
                 return None
@@ -95,7 +96,7 @@ class DecoderProcess:
             if shape is None:
                 return Answer(**fields)
             image = np.empty((*shape, 3), np.uint8)
-            if stream.readinto(memoryview(image).cast("B")) == image.nbytes:
+            if stream.readinto(image.data.cast("B")) == image.nbytes:
                 return Answer(image, **fields)
         return None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from typing import Literal
 
 import jax
 import jax.numpy as jnp
@@ -23,7 +24,7 @@ from studies.oracles.judge.wide_lens import WideLens
 from studies.physical_check.lenses import LensCheckSpec
 from studies.physical_check.lenses.rival import calibrate_with_opencv
 
-BOARDS = (
+BOARDS: tuple[tuple[Board, Literal["charuco", "tags"], str], ...] = (
     (Board(), "charuco", "DICT_4X4_100"),
     (Board(kind="apriltag", columns=9, rows=7, square=6.5), "tags", "DICT_APRILTAG_36h11"),
 )
