@@ -32,9 +32,7 @@ def new(
     ] = False,
     settings: Annotated[
         list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", help="One of its settings; may be given often."
-        ),
+        typer.Option("--set", metavar="KEY=VALUE", help="One of its settings; may be given often."),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
 ) -> None:

@@ -231,8 +231,7 @@ def _assign(overrides: dict[str, Any], text: str, shown_by: str) -> None:
         raise UserError(f"--set {text!a}: not UTF-8; write it in UTF-8") from error
     if not all(path):
         raise UserError(
-            f"--set {text}: a key is missing; write --set key=value "
-            f"('{shown_by}' shows the keys)"
+            f"--set {text}: a key is missing; write --set key=value ('{shown_by}' shows the keys)"
         )
     if not equals:
         raise UserError(

@@ -85,9 +85,7 @@ def marker_correlations(
     """
     modules = marker_modules(board)[:, 1:-1, 1:-1]
     middles = board.marker_corners.mean(axis=1)
-    around = cKDTree(points).query_ball_point(
-        middles, AROUND * board.square, return_length=True
-    )
+    around = cKDTree(points).query_ball_point(middles, AROUND * board.square, return_length=True)
     within = np.flatnonzero(around >= CORNERS)
     chosen, maps, start = maps_from_neighbors(
         middles[within], points, places, board.square, within=AROUND

@@ -33,7 +33,9 @@ def format_board(board: Board | None = None) -> str:
     return format_spec(HEAD, BoardFile, BoardFile(board=board or Board()))
 
 
-PRINTS = {ending: lazily(f"perception.boards.drawing:print_{ending[1:]}") for ending in (".pdf", ".svg")}
+PRINTS = {
+    ending: lazily(f"perception.boards.drawing:print_{ending[1:]}") for ending in (".pdf", ".svg")
+}
 
 TEMPLATES = (
     FileTemplate(

@@ -79,9 +79,9 @@ def calibrate_finger_from(
     check_new_folder(out, force=force)
     if not label_deviation_deg > 0:
         raise UserError(f"--label-deviation {label_deviation_deg:g}: it is a positive angle")
-    lens = read_lens(lens_file)
-    tables, own_width = tables_of(finger_file)
     with jax.enable_x64(True):
+        lens = read_lens(lens_file)
+        tables, own_width = tables_of(finger_file)
         wide = own_width or width or WIDTH
         finger = finger_sensor(tables, lens, wide, MadeSpec(), 1.0, str(finger_file))
         labelled, lost = read_frames(frames, finger.model.names, lens.size)

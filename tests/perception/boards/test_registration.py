@@ -76,9 +76,7 @@ def test_points_are_found_from_maps_that_are_off(board):
     assert fit.shifts.max() < 0.02
     assert fit.look.blur == pytest.approx(0.7, abs=0.1)
     assert fit.look.swell == pytest.approx(0.0, abs=0.02)
-    np.testing.assert_allclose(
-        fit.maps.places_of(board.points, fit.places), fit.places, atol=1e-9
-    )
+    np.testing.assert_allclose(fit.maps.places_of(board.points, fit.places), fit.places, atol=1e-9)
 
 
 @pytest.mark.parametrize("board", [BOARD, TAGS])
