@@ -1,0 +1,1 @@
+"""Commands on real pictures: they need optics and perception both."""
