@@ -110,6 +110,8 @@ def _finished(search: Search, board: Board) -> BoardCorners | None:
     points, places = board.points[numbers], search.places[numbers]
     chosen, maps, start = maps_from_neighbors(points, points, places, board.square, within=BESIDE)
     numbers, points, places = numbers[chosen], points[chosen], places[chosen]
+    if len(numbers) < FEWEST:
+        return None
     fit = register(
         search.images[0],
         search.pattern,
