@@ -34,8 +34,8 @@ class Look(NamedTuple):
 
     Attributes:
         blur: standard deviation of the lens's blur, px.
-        swell: how bent the tone curve is, as the bend times the width of edges (px): what is white
-            grows about half as far, in a smaller copy of the image, too.
+        swell: the tone curve's bend times the width of edges, px. White seems to grow by about half
+            of it, and by as much, counted in pixels of the image, in a smaller copy of the image.
     """
 
     blur: float
@@ -43,14 +43,14 @@ class Look(NamedTuple):
 
     @property
     def width(self) -> float:
-        """Standard deviation of the blur of lens and pixel, px."""
+        """Width of edges: standard deviation of the blur of lens and pixel, px."""
         return math.hypot(self.blur, PIXEL)
 
     @property
     def bend(self) -> float:
-        """What lies halfway between black and white is so many quarters of the contrast brighter.
+        """Of the tone curve: light halfway between black and white is brighter by a quarter of it.
 
-        It is so only in a camera with a tone curve that is not straight.
+        It is a share of the contrast.
         """
         return float(np.clip(self.swell / self.width, *BENDS))
 
