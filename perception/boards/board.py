@@ -92,21 +92,24 @@ class Board(Spec):
 
     @pydantic.model_validator(mode="after")
     def _can_be_printed(self) -> Board:
+        faults = []
         if self.kind == "charuco" and min(self.columns, self.rows) < 3:
-            raise ValueError("columns and rows must be at least 3 of charuco; make it larger")
+            faults.append("columns and rows must be at least 3 of charuco; make it larger")
         if self.marker_side > 0.95 * self.square:
-            raise ValueError(
+            faults.append(
                 f"marker ({self.marker_side:g} mm) must be at most 0.95 of square "
                 f"({self.square:g} mm), or no white is left around it; make it smaller"
             )
         if self.kind == "apriltag" and not self.family.startswith("apriltag"):
-            raise ValueError(f"dictionary '{self.family}' has no AprilTags; choose apriltag-36h11")
+            faults.append(f"dictionary '{self.family}' has no AprilTags; choose apriltag-36h11")
         there, last = markers_in(self.family), self.first_marker + self.marker_count - 1
         if last >= there:
-            raise ValueError(
+            faults.append(
                 f"markers {self.first_marker} to {last} are needed, and dictionary "
                 f"'{self.family}' ends at {there - 1}; choose a larger one, or fewer columns"
             )
+        if faults:
+            raise ValueError("; ".join(faults))
         return self
 
     @property
@@ -184,8 +187,8 @@ def read_board(path: str | Path) -> Board:
         >>> import tempfile
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     path = Path(folder) / "board.toml"
-        ...     _ = path.write_text("[board]\\nkind = 'apriltag'\\ncolumns = 5\\nrows = 4\\n")
+        ...     _ = path.write_text("board = { columns = 5, rows = 4, square = 8 }")
         ...     read_board(path).size
-        (23.75, 18.75)
+        (40.0, 32.0)
     """
     return validated(BoardFile, read_tables(path, "board", "board"), str(path)).board

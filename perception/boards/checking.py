@@ -9,11 +9,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from perception.boards.board import Board
-from perception.boards.neighbors import maps_from_neighbors
+from perception.boards.neighbors import BESIDE, maps_from_neighbors
 from perception.boards.pattern import marker_modules
-
-BESIDE = 1.5
-"""Points so near each other are neighbors, squares."""
 
 OFF = 0.2
 """A point that is farther than this from where its neighbors have it, along either side, is wrong,
@@ -26,7 +23,7 @@ READ = 0.4
 """Least correlation of modules that are read with those that are printed, in the mean of a part's
 markers without the best one, which may have been misread; of other markers it is about 0."""
 
-Numbers = Int[np.ndarray, "_"]
+Numbers = Int[np.ndarray, " _"]
 
 
 def checked_points(
@@ -71,7 +68,7 @@ def marker_correlations(
     board: Board,
     points: Float[np.ndarray, "points 2"],
     places: Float[np.ndarray, "points 2"],
-) -> tuple[Float[np.ndarray, "markers"], Float[np.ndarray, "markers 2"]]:
+) -> tuple[Float[np.ndarray, " markers"], Float[np.ndarray, "markers 2"]]:
     """How markers with points all around agree with what is printed there.
 
     Args:

@@ -9,10 +9,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from perception.boards.board import Board
-from perception.boards.checking import BESIDE, checked_points
+from perception.boards.checking import checked_points
 from perception.boards.local_maps import shifting
 from perception.boards.markers import find_markers
-from perception.boards.neighbors import maps_from_neighbors
+from perception.boards.neighbors import BESIDE, maps_from_neighbors
 from perception.boards.registration import register
 from perception.boards.search import Search
 from perception.images import checked_image
@@ -44,9 +44,9 @@ class BoardCorners:
         errors: standard deviation of either coordinate, px.
     """
 
-    numbers: Int[np.ndarray, "points"]
+    numbers: Int[np.ndarray, " points"]
     places: Float[np.ndarray, "points 2"]
-    errors: Float[np.ndarray, "points"]
+    errors: Float[np.ndarray, " points"]
 
 
 def detect_board(image: object, board: Board) -> BoardCorners | None:
@@ -95,7 +95,7 @@ def detect_board(image: object, board: Board) -> BoardCorners | None:
     return _finished(search, board)
 
 
-def _checked(search: Search, board: Board) -> Int[np.ndarray, "_"]:
+def _checked(search: Search, board: Board) -> Int[np.ndarray, " _"]:
     return checked_points(search.images[0], board, search.found, search.places[search.found])
 
 
@@ -105,10 +105,11 @@ def _finished(search: Search, board: Board) -> BoardCorners | None:
     Neighbors now are points too, and not corners of markers; the tone curve is known.
     """
     numbers = np.sort(search.found)
-    points, places = board.points[numbers], search.places[numbers]
     if len(numbers) < FEWEST:
         return None
-    _, maps, start = maps_from_neighbors(points, points, places, board.square, within=BESIDE)
+    points, places = board.points[numbers], search.places[numbers]
+    chosen, maps, start = maps_from_neighbors(points, points, places, board.square, within=BESIDE)
+    numbers, points, places = numbers[chosen], points[chosen], places[chosen]
     fit = register(
         search.images[0],
         search.pattern,

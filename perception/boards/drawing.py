@@ -42,7 +42,7 @@ def draw_board(board: Board) -> Figure:
     axes = figure.add_axes((0, 0, 1, 1), xlim=(0, width), ylim=(height, 0))
     axes.set_axis_off()
     left, top = board_corner(board, size)
-    rectangles = dark_rectangles(board) + [left, top, left, top]
+    rectangles = dark_rectangles(board) + np.array([left, top, left, top])
     corners = rectangles[:, [0, 1, 2, 1, 2, 3, 0, 3]].reshape(-1, 4, 2)
     # Black that adjoins is one area, or printers and screens would leave hairlines between.
     whole = Path.make_compound_path(*(Path(one, closed=True) for one in _closed(corners)))

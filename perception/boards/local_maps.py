@@ -58,7 +58,7 @@ class LocalMaps(NamedTuple):
         """The maps of images whose places these affine maps take to places of the image."""
         return LocalMaps(warps[:, None].swapaxes(2, 3) @ self.forms @ warps[:, None])
 
-    def part(self, chosen: Int[np.ndarray, "_"]) -> LocalMaps:
+    def part(self, chosen: Int[np.ndarray, " _"]) -> LocalMaps:
         """Some of the maps."""
         return LocalMaps(self.forms[chosen])
 
@@ -90,7 +90,7 @@ def fit_maps(
     return LocalMaps(forms.reshape(-1, 2, 3, 3)).warped(shrinking)
 
 
-def scaling(scales: Float[np.ndarray, "maps"], shifts: Places) -> Warps:
+def scaling(scales: Float[np.ndarray, " maps"], shifts: Places) -> Warps:
     """Warps that multiply places and then add these shifts.
 
     Example:

@@ -22,7 +22,7 @@ SHARPENED = {1: 1.5, LARGER: 2.0}
 
 def find_markers(
     gray: UInt8[np.ndarray, "rows columns"], board: Board
-) -> tuple[Int[np.ndarray, "markers"], Float[np.ndarray, "markers 4 2"]]:
+) -> tuple[Int[np.ndarray, " markers"], Float[np.ndarray, "markers 4 2"]]:
     """Numbers of markers, from 0 on the board, and their corners to about 1 px.
 
     Some may be none of the board: what looks like a marker of few bits may be anything.
@@ -36,7 +36,7 @@ def find_markers(
 
 def _detected(
     gray: UInt8[np.ndarray, "rows columns"], board: Board, larger: int
-) -> tuple[Int[np.ndarray, "markers"], Float[np.ndarray, "markers 4 2"]]:
+) -> tuple[Int[np.ndarray, " markers"], Float[np.ndarray, "markers 4 2"]]:
     if larger > 1:
         gray = cv2.resize(gray, None, fx=larger, fy=larger, interpolation=cv2.INTER_CUBIC)
     gray = cv2.addWeighted(gray, 2, cv2.GaussianBlur(gray, (0, 0), SHARPENED[larger]), -1, 0)

@@ -12,6 +12,9 @@ MOST, FARTHEST, NEAR = 13, 2.3, 0.8
 """Neighbors of a map, how far they may be, and the standard deviation of the Gaussian by which they
 count, squares."""
 
+BESIDE = 1.5
+"""Points so near each other are beside each other, diagonally too, squares."""
+
 FEWEST, SPREAD = 4, 0.17
 """Neighbors that a map needs at least, and how far they must be spread along any direction, as a
 standard deviation, squares."""
@@ -25,7 +28,7 @@ def maps_from_neighbors(
     *,
     within: float,
     apart: bool = False,
-) -> tuple[Int[np.ndarray, "chosen"], LocalMaps, Float[np.ndarray, "chosen 2"]]:
+) -> tuple[Int[np.ndarray, " chosen"], LocalMaps, Float[np.ndarray, "chosen 2"]]:
     """Maps about those points that have neighbors enough.
 
     Args:

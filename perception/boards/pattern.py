@@ -127,7 +127,7 @@ class Pattern:
         return image
 
 
-def _covered(start: float, end: float) -> tuple[Float[np.ndarray, "_"], slice]:
+def _covered(start: float, end: float) -> tuple[Float[np.ndarray, " _"], slice]:
     """Shares of pixels between two places of a line, and which pixels these are."""
     first, last = int(np.floor(start)), int(np.ceil(end))
     edges = np.arange(first, last + 1, dtype=float)

@@ -51,9 +51,9 @@ class Fit(NamedTuple):
 
     maps: LocalMaps
     places: Places
-    likeness: Float[np.ndarray, "maps"]
-    errors: Float[np.ndarray, "maps"]
-    shifts: Float[np.ndarray, "maps"]
+    likeness: Float[np.ndarray, " maps"]
+    errors: Float[np.ndarray, " maps"]
+    shifts: Float[np.ndarray, " maps"]
     look: Look
 
 
@@ -180,12 +180,12 @@ class _Found(NamedTuple):
         left: sum of weighted squares that is not explained.
     """
 
-    contrast: Float[np.ndarray, "maps"]
+    contrast: Float[np.ndarray, " maps"]
     terms: Float[np.ndarray, "maps terms"]
     variances: Float[np.ndarray, "maps terms"]
-    left: Float[np.ndarray, "maps"]
+    left: Float[np.ndarray, " maps"]
 
-    def shared(self, term: int, alike: Bool[np.ndarray, "maps"]) -> float:
+    def shared(self, term: int, alike: Bool[np.ndarray, " maps"]) -> float:
         """The mean of a term over all points that are alike, and one more of which it is 0."""
         weights = alike / (self.variances[:, term] + SURE**2)
         return float(weights @ self.terms[:, term] / (weights.sum() + 1 / SURE**2))
@@ -207,19 +207,17 @@ class _System(NamedTuple):
     side: Float[np.ndarray, "maps terms"]
     noise: Float[np.ndarray, "maps terms terms"]
     scale: Float[np.ndarray, "maps terms"]
-    total: Float[np.ndarray, "maps"]
-    count: Float[np.ndarray, "maps"]
+    total: Float[np.ndarray, " maps"]
+    count: Float[np.ndarray, " maps"]
 
     @classmethod
     def of(
         cls, light: np.ndarray, weights: np.ndarray, seen: Appearance, x: np.ndarray, y: np.ndarray
     ) -> _System:
         n, shade, right, down = len(light), seen.shade, seen.right, seen.down
-        terms = np.stack(
-            [np.ones_like(x), x, y, shade, shade * x, shade * y, seen.wider]
-            + [right, down, right * x, right * y, down * x, down * y, seen.bent],
-            axis=1,
-        ).reshape(n, BENT + 1, -1)
+        light_terms = (np.ones_like(x), x, y, shade, shade * x, shade * y, seen.wider)
+        moves = (right, down, right * x, right * y, down * x, down * y)
+        terms = np.stack((*light_terms, *moves, seen.bent), axis=1).reshape(n, BENT + 1, -1)
         weights, light = weights.reshape(n, 1, -1), light.reshape(n, -1, 1)
         count = weights.sum(axis=2)
         light = light - (weights @ light) / np.maximum(count, 1e-6)[..., None]
@@ -235,7 +233,7 @@ class _System(NamedTuple):
             count[:, 0].astype(float),
         )
 
-    def solved(self, count: int, bent: Float[np.ndarray, "maps"] | None = None) -> _Found:
+    def solved(self, count: int, bent: Float[np.ndarray, " maps"] | None = None) -> _Found:
         """The solution with the first terms alone.
 
         Args:

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from perception.boards.appearance import BLURS, Look
 from perception.boards.board import Board
 from perception.boards.local_maps import LocalMaps, scaling
-from perception.boards.neighbors import maps_from_neighbors
+from perception.boards.neighbors import BESIDE, maps_from_neighbors
 from perception.boards.pattern import Pattern
 from perception.boards.registration import register
 
@@ -26,8 +26,8 @@ BLUR = 0.6
 HALF, STEPS = 8, 3
 """Of windows, px, and how often points are fitted."""
 
-BESIDE_MARKER, BESIDE_POINT = 0.5, 1.5
-"""How near, in squares, a corner of a marker must be to begin with, and a point to go on."""
+BESIDE_MARKER = 0.5
+"""How near a corner of a marker is to a point that is looked for beside it, squares."""
 
 LIKENESS, MOVED, SHIFT = 0.6, 0.35, 1.0
 """What a point has at least that is found, how far, in squares along either side, it may be from
@@ -36,7 +36,7 @@ where it was expected, and how many px in the copy its last step may be."""
 RIM = 3
 """Points nearer the picture's border are left out, px."""
 
-Numbers = Int[np.ndarray, "_"]
+Numbers = Int[np.ndarray, " _"]
 
 
 class Search:
@@ -68,10 +68,10 @@ class Search:
         new, square = self.found, self.pattern.square
         while len(new):
             tree = cKDTree(self._points[new] / square)
-            away, _ = tree.query(self._points / square, distance_upper_bound=BESIDE_POINT)
+            away, _ = tree.query(self._points / square, distance_upper_bound=BESIDE)
             missing = np.flatnonzero(np.isfinite(away) & np.isnan(self.places[:, 0]))
             known = self.found
-            self._find(missing, self._points[known], self.places[known], BESIDE_POINT)
+            self._find(missing, self._points[known], self.places[known], BESIDE)
             new = self.found[len(known) :]
 
     def keep(self, numbers: Numbers) -> None:

@@ -10,13 +10,13 @@ from perception.boards.board import Board, BoardFile
 HEAD = """\
 A board for calibrating a camera.
 
-Its prints stand beside this file. Print one at 100 %, measure its two lines of 50 mm, and glue it
-on something plane: glass, or a plate of metal. What is behind a # has its default. With other keys,
-make file and prints anew,
+Its print stands beside this file, as PDF and as SVG. Print it at 100 %, measure its two lines, and
+glue it on something plane, such as glass. A key that is changed here changes no print: make file
+and print anew with
 
     designopt new board FILE --set KEY=VALUE --force
 
-for a key that is changed here changes no print."""
+What is behind a # has its default."""
 
 
 def format_board(board: Board | None = None) -> str:
@@ -34,7 +34,8 @@ def format_board(board: Board | None = None) -> str:
 
 
 PRINTS = {
-    ending: lazily(f"perception.boards.drawing:print_{ending[1:]}") for ending in (".pdf", ".svg")
+    ".pdf": lazily("perception.boards.drawing:print_pdf"),
+    ".svg": lazily("perception.boards.drawing:print_svg"),
 }
 
 TEMPLATES = (

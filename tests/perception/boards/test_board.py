@@ -73,6 +73,10 @@ def test_a_file_is_read(tmp_path):
             ["dictionary 'aruco-4x4-50' has no AprilTags; choose apriltag-36h11"],
         ),
         ("rows = 20", ["markers 0 to 119 are needed", "'aruco-4x4-100' ends at 99"]),
+        (
+            "columns = 2\nmarker = 5\nfirst_marker = 97",
+            ["must be at least 3 of charuco", "marker (5 mm)", "markers 97 to 105"],
+        ),
         ("first_marker = 47", ["markers 47 to 100 are needed", "'aruco-4x4-100' ends at 99"]),
     ],
 )

@@ -60,7 +60,7 @@ def in_order(rectangles: np.ndarray) -> np.ndarray:
 def test_the_files_have_every_rectangle_to_scale(printed, made, read):
     board = board_of(printed)
     left, top = board_corner(board, paper_size(board))
-    wanted = dark_rectangles(board) + [left, top, left, top]
+    wanted = dark_rectangles(board) + np.array([left, top, left, top])
     found = read(made(board))
     found = found[np.all(found[:, 2:] - found[:, :2] < 40, axis=1)]  # neither paper nor lines
     np.testing.assert_allclose(in_order(found), in_order(wanted), atol=ROUNDED)
@@ -91,7 +91,7 @@ def test_on_screen_it_is_opencvs_board_and_is_found(printed):
     assert corners is not None
     assert corners.numbers.tolist() == list(range(len(board.points)))
     places = (corners.places + 0.5) / (density / 2) - board_corner(board, paper_size(board))
-    np.testing.assert_allclose(places, board.points, atol=0.01)
+    np.testing.assert_allclose(places, board.points, atol=0.02)
 
 
 @pytest.mark.parametrize(
