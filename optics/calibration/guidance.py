@@ -47,8 +47,9 @@ LEAST_SHARE = 0.4
 MARGIN = 4.0
 """So near the image's border no corner is found, px."""
 
-WORTH = 0.9
-"""A picture that leaves more than this part of the deviation is not worth taking."""
+WORTH, ENOUGH_PX = 0.9, 0.01
+"""A picture that leaves more than this part of the deviation is not worth taking, and none is where
+the deviation is below that of any corner."""
 
 
 class DeviationMap(NamedTuple):
@@ -135,7 +136,7 @@ def suggest_pictures(
     useful = np.flatnonzero(seen.mean(axis=1) >= LEAST_SHARE)
     covariance, found = lens.covariance, list[Suggestion]()
     before = float(np.sqrt(np.trace(wanted @ covariance)))
-    while len(found) < most and len(useful):
+    while len(found) < most and len(useful) and before > ENOUGH_PX:
         after = [_updated(covariance, information[i]) for i in useful]
         deviations = [float(np.sqrt(np.trace(wanted @ one))) for one in after]
         best = int(np.argmin(deviations))

@@ -12,7 +12,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
-from perception.boards import Board, detect_board, read_board
 
 from designopt.errors import UserError
 from designopt.io.files import check_targets, printable, replaced_when_complete
@@ -28,6 +27,7 @@ from optics.calibration import (
     suggest_pictures,
 )
 from optics.plot.lens_figure import draw_lens_fit
+from perception.boards import Board, detect_board, read_board
 from perception.sources import Frame, LostFrame, VideoFile, open_source
 
 MOST = 60
@@ -205,7 +205,7 @@ def _summary(fit: LensFit, found: BoardPictures, rms: float, distance: float) ->
 def _advice(suggestions: Sequence[Suggestion]) -> Iterator[str]:
     """Which pictures to take next."""
     if not suggestions:
-        yield "next: no further picture would lower that by a tenth"
+        yield "next: no further picture is worth taking"
     for number, one in enumerate(suggestions, 1):
         tilted = (
             "facing the camera" if one.tilt == 0 else f"tilted by {math.degrees(one.tilt):.0f}°"
