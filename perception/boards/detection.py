@@ -73,10 +73,10 @@ def detect_board(image: object, board: Board) -> BoardCorners | None:
         >>> made = cv2.aruco.CharucoBoard(
         ...     (5, 4), 8.0, 6.0, cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_100)
         ... )
-        >>> image = made.generateImage((300, 240), marginSize=30)
+        >>> image = made.generateImage((300, 252), marginSize=30)
         >>> corners = detect_board(image, Board(columns=5, rows=4, square=8.0))
         >>> len(corners.numbers), corners.places[0].round(1).tolist()
-        (12, [77.5, 74.5])
+        (12, [77.5, 77.5])
     """
     gray = checked_image(image, channels=(1, 3), what="a picture of a board")
     if gray.ndim == 3:
@@ -110,6 +110,8 @@ def _finished(search: Search, board: Board) -> BoardCorners | None:
     points, places = board.points[numbers], search.places[numbers]
     chosen, maps, start = maps_from_neighbors(points, points, places, board.square, within=BESIDE)
     numbers, points, places = numbers[chosen], points[chosen], places[chosen]
+    if len(numbers) < FEWEST:
+        return None
     fit = register(
         search.images[0],
         search.pattern,

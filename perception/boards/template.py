@@ -10,9 +10,9 @@ from perception.boards.board import Board, BoardFile
 HEAD = """\
 A board for calibrating a camera.
 
-Its print stands beside this file, as PDF and as SVG. Print it at 100 %, measure its two lines, and
-glue it on something plane, such as glass. A key that is changed here changes no print: make file
-and print anew with
+Its print stands beside this file, as PDF and as SVG. Print it at 100 %, measure its two lines,
+and glue it on something plane, such as glass. A key that is changed here changes no print: make
+file and print anew with
 
     designopt new board FILE --set KEY=VALUE --force
 
@@ -42,7 +42,7 @@ TEMPLATES = (
     FileTemplate(
         "board",
         "board: for calibrating a camera, with its print as PDF and SVG",
-        "designopt calibrate lens --board",
+        "designopt calibrate lens pictures --board",
         format_board,
         Board,
         PRINTS,

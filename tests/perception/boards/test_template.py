@@ -34,7 +34,7 @@ def test_a_written_board_is_read_and_has_every_key_with_its_meaning(tmp_path, bo
         assert (name in given) == (getattr(board, name) is not None)
         assert field.description
         assert field.description.split(";")[0][:40] in text.replace("\n# ", " ")
-    assert max(map(len, lines)) <= 100
+    assert max(map(len, lines)) <= 98
 
 
 def test_new_board_writes_file_and_prints(tmp_path, capsys):
@@ -45,7 +45,7 @@ def test_new_board_writes_file_and_prints(tmp_path, capsys):
         "board.toml",
         "board.pdf",
         "board.svg",
-        "next: designopt calibrate lens --board board.toml",
+        "next: designopt calibrate lens pictures --board board.toml",
     ]
     assert read_board("board.toml") == Board()
     assert (tmp_path / "board.pdf").read_bytes() == print_pdf(Board())
