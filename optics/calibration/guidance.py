@@ -18,7 +18,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from optics.calibration.bundle import POSE, lens_of, parameters_of, turn
 from optics.calibration.calibrated import CalibratedLens
@@ -47,8 +47,9 @@ LEAST_SHARE = 0.4
 MARGIN = 4.0
 """So near the image's border no corner is found, px."""
 
-WORTH = 0.9
-"""A picture that leaves more than this part of the deviation is not worth taking."""
+WORTH, ENOUGH_PX = 0.9, 0.01
+"""A picture that leaves more than this part of the deviation is not worth taking, and none is where
+the deviation is below that of any corner."""
 
 
 class DeviationMap(NamedTuple):
@@ -57,15 +58,17 @@ class DeviationMap(NamedTuple):
     Attributes:
         places: columns and rows, shape (down, along, 2).
         deviations: of column or row, root mean square of both, px; NaN where nothing is imaged.
+        reached: whether there have been corners as far from the axis.
     """
 
     places: Float[np.ndarray, "down along 2"]
     deviations: Float[np.ndarray, "down along"]
+    reached: Bool[np.ndarray, "down along"]
 
     @property
     def rms(self) -> float:
-        """Over the image, px."""
-        return float(np.sqrt(np.nanmean(self.deviations**2)))
+        """Of the places that corners have reached, px."""
+        return float(np.sqrt(np.mean(self.deviations[self.reached] ** 2)))
 
 
 class Suggestion(NamedTuple):
@@ -77,7 +80,8 @@ class Suggestion(NamedTuple):
         place: column and row at which it is imaged.
         tilt: between the board's normal and the line of sight, rad.
         outline: columns and rows of the board's points, NaN where they are not imaged.
-        deviation: `DeviationMap.rms` after this picture and the suggestions before it, px.
+        deviation: root mean square over the image, also where no corner has been, after this
+            picture and the suggestions before it, px.
     """
 
     distance: float
@@ -94,7 +98,9 @@ def predict_deviations(lens: CalibratedLens, distance: float) -> DeviationMap:
     variances = np.einsum("nci,ij,ncj->n", slopes, lens.covariance, slopes) / 2
     deviations = np.full(places.shape[:2], np.nan)
     deviations[np.isfinite(places[..., 0])] = np.sqrt(np.maximum(variances, 0.0))
-    return DeviationMap(_grid(lens), deviations)
+    rays, _ = lens.lens.rays(jnp.asarray(_grid(lens)))
+    reached = np.arccos(np.clip(np.asarray(rays)[..., 2], -1, 1)) <= lens.widest
+    return DeviationMap(_grid(lens), deviations, reached & np.isfinite(deviations))
 
 
 def suggest_pictures(
@@ -130,7 +136,7 @@ def suggest_pictures(
     useful = np.flatnonzero(seen.mean(axis=1) >= LEAST_SHARE)
     covariance, found = lens.covariance, list[Suggestion]()
     before = float(np.sqrt(np.trace(wanted @ covariance)))
-    while len(found) < most and len(useful):
+    while len(found) < most and len(useful) and before > ENOUGH_PX:
         after = [_updated(covariance, information[i]) for i in useful]
         deviations = [float(np.sqrt(np.trace(wanted @ one))) for one in after]
         best = int(np.argmin(deviations))

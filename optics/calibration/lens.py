@@ -173,7 +173,7 @@ def calibrate_lens(sightings: Sightings, size: tuple[int, int], name: str = "cam
         lens=best.lens,
         size=size,
         covariance=best.covariance,
-        noise=noise,
+        noise=noise * float(np.median(np.asarray(kept.deviations)[used])),
         held_out=held_out[pupil].median,
         widest=widest,
         distances=(float(away.min()), float(away.max())),
@@ -272,12 +272,12 @@ def _without_outliers(
         )
     left = (bundle.residuals / stated[..., None])[used]
     free = left.size - LENS - POSE * int(used.any(axis=1).sum())
-    deviation = float(np.sqrt(np.sum(left**2) / free))
+    scatter = float(np.sqrt(np.sum(left**2) / free))
     # Corners of one picture may be off together, and the lens may be no polynomial: then the
     # corners' deviation explains only a part of what pictures contradict each other by.
-    scale = max((deviation / noise) ** 2, bundle.scatter)
+    scale = max((scatter / noise) ** 2, bundle.scatter)
     covariance = bundle.covariance * scale
-    return bundle._replace(covariance=covariance), own, deviation
+    return bundle._replace(covariance=covariance), own, scatter
 
 
 def _held_out(shown: Sightings, bundle: Bundle, prior: Prior, noise: float) -> HeldOut:

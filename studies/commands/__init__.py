@@ -1,1 +1,1 @@
-"""Commands on real pictures: they need optics and perception both."""
+"""Commands on pictures of a finger: they need optics and perception both, or whole fingers."""

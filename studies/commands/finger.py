@@ -138,7 +138,12 @@ def read_frames(
     names, images, angles, lost = [], [], [], []
     for number, row in enumerate(rows, 2):
         labels = [_angle(path, number, name, row[name]) for name in columns[1:]]
-        with open_source(str(path.parent / (row["image"] or "")), size=size) as source:
+        try:
+            source = open_source(str(path.parent / (row["image"] or "")), size=size)
+        except UserError as error:
+            lost.append(f"{path.name}, line {number}: {error}")
+            continue
+        with source:
             for item in source:
                 if isinstance(item, Frame):
                     names.append(item.name)

@@ -12,7 +12,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
-from perception.boards import Board, detect_board, read_board
 
 from designopt.errors import UserError
 from designopt.io.files import check_targets, printable, replaced_when_complete
@@ -28,6 +27,7 @@ from optics.calibration import (
     suggest_pictures,
 )
 from optics.plot.lens_figure import draw_lens_fit
+from perception.boards import Board, detect_board, read_board
 from perception.sources import Frame, LostFrame, VideoFile, open_source
 
 MOST = 60
@@ -90,8 +90,9 @@ def calibrate_from(
                     figure.savefig(partial)
         with replaced_when_complete(out) as partial:
             partial.write_text(format_lens(fit.calibrated), encoding="utf-8")
-        lines = [*_summary(fit, found, deviations.rms, middle), *_advice(fit, suggestions)]
-    return [printable(str(out)), *lines], [*found.lost, *_remarks(fit, found, near, far)]
+        lines = [*_summary(fit, found, deviations.rms, middle), *_advice(suggestions)]
+        remarks = [*found.lost, *_remarks(fit, found, near, far)]
+    return [printable(str(out)), *lines], remarks
 
 
 def _distances(text: str) -> tuple[float, float]:
@@ -179,8 +180,8 @@ def _summary(fit: LensFit, found: BoardPictures, rms: float, distance: float) ->
     fixed, moving = (fit.held_out[model].rms for model in PupilModel)
     left_out = int(np.isfinite(fit.sightings.places[..., 0]).sum()) - corners
     yield (
-        f"pictures: {lens.pictures} with {corners} corners; {left_out} corners left out, "
-        f"{len(found.empty)} pictures without a board, {len(found.lost)} unreadable"
+        f"pictures: {lens.pictures} used, {len(found.empty)} without a board, {len(found.lost)} "
+        f"unreadable; corners: {corners} used, {left_out} left out"
     )
     yield f"focal length: {lens.lens.focal:.3f} ± {deviations[0]:.3f} px"
     yield (
@@ -198,13 +199,13 @@ def _summary(fit: LensFit, found: BoardPictures, rms: float, distance: float) ->
         f"corners: {lens.noise:.3f} px deviation, {lens.held_out:.3f} px off in held-out pictures "
         f"(median), up to {math.degrees(lens.widest):.1f}° from the axis"
     )
-    yield f"places at {distance:.0f} mm: {rms:.3f} px deviation over the image"
+    yield f"places at {distance:.0f} mm, up to there: {rms:.3f} px deviation"
 
 
-def _advice(fit: LensFit, suggestions: Sequence[Suggestion]) -> Iterator[str]:
+def _advice(suggestions: Sequence[Suggestion]) -> Iterator[str]:
     """Which pictures to take next."""
     if not suggestions:
-        yield "next: no further picture would lower that by a tenth"
+        yield "next: no further picture is worth taking"
     for number, one in enumerate(suggestions, 1):
         tilted = (
             "facing the camera" if one.tilt == 0 else f"tilted by {math.degrees(one.tilt):.0f}°"
