@@ -56,7 +56,7 @@ def parsed(words: list[str]) -> dict:
     """The parameters of a designopt command, as the command line reads them."""
     command, app = COMMANDS[words[1]].load(), typer.Typer()
     if isinstance(command, typer.Typer):
-        group = typer.main.get_command(command)
+        group = typer.main.get_group(command)
         return group.commands[words[2]].make_context(words[2], words[3:]).params
     app.command()(command)
     return typer.main.get_command(app).make_context(words[1], words[2:]).params

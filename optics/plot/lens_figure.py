@@ -110,8 +110,9 @@ def _deviations(
     for number, one in enumerate(suggestions, 1):
         inside = one.outline[np.isfinite(one.outline[:, 0])]
         axes.plot(*inside.T, ".", color=PALETTE[number % len(PALETTE)], markersize=2)
+        column, row = inside.mean(axis=0).tolist()
         axes.text(
-            *inside.mean(axis=0).tolist(), str(number), color="white", weight="bold", ha="center",
+            column, row, str(number), color="white", weight="bold", ha="center",
             va="center", bbox={"boxstyle": "circle", "fc": "black", "ec": "white", "alpha": 0.7},
         )  # fmt: skip
     _as_image(axes, fit)

@@ -69,25 +69,26 @@ class Board(Spec):
     """
 
     kind: Literal["charuco", "apriltag"] = pydantic.Field(
-        "charuco",
+        default="charuco",
         description="a chessboard with a marker in every white square, whose inner corners are the "
         "points; or a grid of AprilTags, whose corners are",
     )
-    columns: Count = pydantic.Field(12, description="squares, or tags, along x")
-    rows: Count = pydantic.Field(9, description="squares, or tags, along y")
+    columns: Count = pydantic.Field(default=12, description="squares, or tags, along x")
+    rows: Count = pydantic.Field(default=9, description="squares, or tags, along y")
     square: Length = pydantic.Field(
-        5.0, description="side of a square, or from one tag to the next (mm)"
+        default=5.0, description="side of a square, or from one tag to the next (mm)"
     )
     marker: Length | None = pydantic.Field(
-        None, description=f"side of a marker (mm); {DEFAULT_SHARE:g} of a square by default"
+        default=None, description=f"side of a marker (mm); {DEFAULT_SHARE:g} of a square by default"
     )
     dictionary: Dictionary | None = pydantic.Field(
-        None,
+        default=None,
         description="the markers' family; by default "
         + ", ".join(f"{name} of {kind}" for kind, name in DEFAULT_DICTIONARIES.items()),
     )
     first_marker: Annotated[int, pydantic.Field(strict=True, ge=0, le=10_000)] = pydantic.Field(
-        0, description="number of the first marker; boards in one picture must not share any"
+        default=0,
+        description="number of the first marker; boards in one picture must not share any",
     )
 
     @pydantic.model_validator(mode="after")

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from perception.boards.board import Board
 from perception.boards.neighbors import BESIDE, maps_from_neighbors
@@ -51,10 +51,10 @@ def checked_points(
     if not len(numbers):
         return numbers
     points = board.points[numbers]
-    tree = cKDTree(points / board.square)
+    tree = KDTree(points / board.square)
     count, parts = connected_components(tree.sparse_distance_matrix(tree, BESIDE))
     read, middles = marker_correlations(image, board, points, places)
-    _, nearest = cKDTree(points).query(middles)
+    _, nearest = KDTree(points).query(middles)
     markers = parts[nearest]
     best = np.zeros(count)
     np.maximum.at(best, markers, read)
@@ -82,7 +82,7 @@ def marker_correlations(
     """
     modules = marker_modules(board)[:, 1:-1, 1:-1]
     middles = board.marker_corners.mean(axis=1)
-    around = cKDTree(points).query_ball_point(middles, AROUND * board.square, return_length=True)
+    around = KDTree(points).query_ball_point(middles, AROUND * board.square, return_length=True)
     within = np.flatnonzero(around >= CORNERS)
     chosen, maps, start = maps_from_neighbors(
         middles[within], points, places, board.square, within=AROUND

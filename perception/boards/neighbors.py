@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from perception.boards.local_maps import LocalMaps, Places, fit_maps
 
@@ -42,8 +42,9 @@ def maps_from_neighbors(
     Returns:
         Which points these are, their maps, and where these image the points.
     """
-    tree, most = cKDTree(known / square), MOST + apart
-    away, which = tree.query(points / square, k=most, distance_upper_bound=FARTHEST)
+    tree, most = KDTree(known / square), MOST + apart
+    near = tree.query(points / square, k=most, distance_upper_bound=FARTHEST)
+    away, which = (np.asarray(part) for part in near)
     away, which = away[:, int(apart) :], np.minimum(which[:, int(apart) :], len(known) - 1)
     weights = np.exp(-0.5 * (away / NEAR) ** 2)  # 0 where there is none
     shares = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-12)

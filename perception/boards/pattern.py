@@ -100,10 +100,9 @@ class Pattern:
         self._levels: dict[tuple[int, int], Float[np.ndarray, "rows columns"]] = {}
 
     @classmethod
-    @functools.lru_cache(maxsize=2)
     def of(cls, board: Board) -> Pattern:
         """The pictures of a board, drawn once for all images in which it is looked for."""
-        return cls(board)
+        return _drawn_once(board.model_dump_json())
 
     def level(self, across: int, down: int) -> Float[np.ndarray, "rows columns"]:
         """What share of every pixel is white, of the picture halved so often along x and y."""
@@ -133,3 +132,8 @@ def _covered(start: float, end: float) -> tuple[Float[np.ndarray, " _"], slice]:
     edges = np.arange(first, last + 1, dtype=float)
     shares = np.diff(np.clip(edges, start, end))
     return shares.astype(np.float32), slice(first, last)
+
+
+@functools.lru_cache(maxsize=2)
+def _drawn_once(board: str) -> Pattern:
+    return Pattern(Board.model_validate_json(board))

@@ -150,7 +150,7 @@ class _Windows(NamedTuple):
         return Fit(
             moved,
             moved.places_of(points, places),
-            (whole - found.left) / np.maximum(whole, system.count + 1),
+            (whole - found.left) / np.maximum(whole, system.weight + 1),
             np.sqrt(found.variances[:, SHIFT].mean(axis=1)),
             np.hypot(*shift.T),
             learnt,
@@ -200,7 +200,7 @@ class _System(NamedTuple):
         noise: covariance of the right sides where every pixel has a variance of 1.
         scale: of the terms.
         total: sum of weighted squares of the light about its mean.
-        count: sum of weights.
+        weight: sum of weights.
     """
 
     normal: Float[np.ndarray, "maps terms terms"]
@@ -208,7 +208,7 @@ class _System(NamedTuple):
     noise: Float[np.ndarray, "maps terms terms"]
     scale: Float[np.ndarray, "maps terms"]
     total: Float[np.ndarray, " maps"]
-    count: Float[np.ndarray, " maps"]
+    weight: Float[np.ndarray, " maps"]
 
     @classmethod
     def of(
@@ -252,7 +252,7 @@ class _System(NamedTuple):
         contrast = found[:, SHADE] * scale[:, SHADE] if count > SHADE else np.ones(len(found))
         contrast = np.where(np.abs(contrast) < 1, 1.0, contrast)
         spread = ((inverse @ self.noise[:, :count, :count]) * inverse).sum(axis=2)
-        noise = left / np.maximum(self.count - FREEDOM, 1)
+        noise = left / np.maximum(self.weight - FREEDOM, 1)
         relative = scale / contrast[:, None]
         variances = np.maximum(spread, 0) * noise[:, None] * relative**2
         return _Found(contrast, found * relative, variances, left)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from jaxtyping import Float, Int, UInt8
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from perception.boards.appearance import BLURS, Look
 from perception.boards.board import Board
@@ -67,7 +67,7 @@ class Search:
         """Find points beside those that are found, until there are no more."""
         new, square = self.found, self.pattern.square
         while len(new):
-            tree = cKDTree(self._points[new] / square)
+            tree = KDTree(self._points[new] / square)
             away, _ = tree.query(self._points / square, distance_upper_bound=BESIDE)
             missing = np.flatnonzero(np.isfinite(away) & np.isnan(self.places[:, 0]))
             known = self.found
@@ -142,5 +142,6 @@ def _copies(gray: UInt8[np.ndarray, "rows columns"]) -> list[Float[np.ndarray, "
     while len(images) < LEVELS and min(images[-1].shape) >= 2 * SMALLEST:
         rows, columns = (side // 2 for side in images[-1].shape)
         even = images[-1][: 2 * rows, : 2 * columns]
-        images.append(cv2.resize(even, (columns, rows), interpolation=cv2.INTER_AREA))
+        smaller = cv2.resize(even, (columns, rows), interpolation=cv2.INTER_AREA)
+        images.append(smaller.astype(np.float32, copy=False))
     return images

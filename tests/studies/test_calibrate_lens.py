@@ -96,7 +96,7 @@ def test_pictures_of_two_sizes_or_without_a_board_are_refused(pictures, tmp_path
     folder = tmp_path / "mixed"
     folder.mkdir()
     shutil.copy(pictures / "0.png", folder)
-    small = cv2.resize(cv2.imread(str(pictures / "1.png")), (320, 240))
+    small = cv2.resize(np.asarray(cv2.imread(str(pictures / "1.png"))), (320, 240))
     cv2.imwrite(str(folder / "1.png"), small)
     assert cli.run(["calibrate", "lens", str(folder), "--out", str(tmp_path / "a.toml")]) == 2
     assert "1.png: it has 320x240 px and those before it 640x480" in capsys.readouterr().err
@@ -111,7 +111,7 @@ def test_a_video_gives_pictures_that_differ(pictures, tmp_path):
         str(tmp_path / "board.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 10, (640, 480)
     )
     for number in (0, 0, 0, 1, 1, 2):
-        video.write(cv2.imread(str(pictures / f"{number}.png")))
+        video.write(np.asarray(cv2.imread(str(pictures / f"{number}.png"))))
     video.release()
     found = find_boards(str(tmp_path / "board.avi"), Board())
     assert found.names == ["frame 0", "frame 3", "frame 5"]

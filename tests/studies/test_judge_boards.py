@@ -63,7 +63,7 @@ def meet(board: Board, pose: Pose, lens: WideLens, places):
     """Points of the sheet that Mitsuba's rays of places meet."""
     ways, shifts = lens.sight(places)
     begin = shifts[:, None] * [0.0, 0.0, 1.0] - pose.translation
-    begin, ways = (np.float32((one @ pose.rotation).T) for one in (begin, ways))
+    begin, ways = (np.asarray((one @ pose.rotation).T, np.float32) for one in (begin, ways))
     _, distance, paper = boards._meet(*boards._scene(board), begin, ways)
     assert paper.all()
     return (begin + distance * ways).T
@@ -71,7 +71,7 @@ def meet(board: Board, pose: Pose, lens: WideLens, places):
 
 def look_down(board: Board, points):
     """Reflectance at points of the sheet."""
-    begin = np.float32([*points.T, np.full(len(points), -1.0)])
+    begin = np.array([*points.T, np.full(len(points), -1.0)], np.float32)
     ways = np.zeros_like(begin)
     ways[2] = 1.0
     return boards._meet(*boards._scene(board), begin, ways)[0]
@@ -250,7 +250,8 @@ def test_paper_is_as_bright_as_the_laws_of_light_have_it():
     spots += [(middle, y, 0.0) for y in np.linspace(0, CHESS.extent[1], 9)]
     places = pose.places(lens, np.array(spots))
     assert np.isfinite(places).all()
-    measured = cv2.remap(pixels.astype(np.float32), *np.float32(places.T), cv2.INTER_LINEAR)
+    columns, rows = places.T.astype(np.float32)
+    measured = cv2.remap(pixels.astype(np.float32), columns, rows, cv2.INTER_LINEAR)
     seen = np.array(spots) @ pose.rotation.T + pose.translation
     away = np.array(conditions.lamp) - seen
     far = np.linalg.norm(away, axis=-1)
@@ -284,7 +285,7 @@ def test_corners_of_squares_are_found_without_bias(turn):
     found, numbers, *_ = cv2.aruco.CharucoDetector(CHESS.made()).detectBoard(pixels)
     assert found is not None
     assert numbers is not None
-    off = found.reshape(-1, 2) - places[numbers.ravel()]
+    off = np.asarray(found).reshape(-1, 2) - places[np.asarray(numbers, int).ravel()]
     assert len(off) >= 0.9 * len(places)
     assert np.all(np.abs(off) < 0.12)
     assert np.all(np.abs(off.mean(axis=0)) < 0.03)

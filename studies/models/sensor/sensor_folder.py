@@ -29,8 +29,10 @@ from optics.calibration import CalibratedLens, format_lens
 from optics.calibration.calibrated import LensTable, calibrated_lens
 from optics.scene.writer import scene_tables
 from perception.proprioception import FingerErrors
-from studies.models.sensor.finger_sensor import FingerSensor, designed, deviations_of
+from studies.models.sensor.finger_sensor import FingerSensor
+from studies.models.sensor.imaged import designed
 from studies.models.sensor.lens_in_scene import with_lens
+from studies.models.sensor.made import deviations_of
 from studies.models.sensor.spec import MadeSpec
 
 DOCUMENT, ARRAYS = "sensor.toml", "arrays.npz"

@@ -108,6 +108,7 @@ class View(NamedTuple):
         space = points @ self.turn[:, :2].T + self.place
         across = np.hypot(*space.T[:2])
         low, high = np.zeros(len(space)), np.full(len(space), WIDEST)
+        angle = low
         for _ in range(60):
             angle = (low + high) / 2
             beyond = across * np.cos(angle) < (space[:, 2] - self.pupil * angle**2) * np.sin(angle)
@@ -165,7 +166,7 @@ def picture(
     low, high = np.full(2, -MARGIN), printed.size + MARGIN
 
     def on_paper(seen: np.ndarray) -> np.ndarray:
-        return ((seen > low) & (seen < high)).all(axis=-1)
+        return np.all((seen > low) & (seen < high), axis=-1)
 
     light = np.full((rows, columns), WALL)
     near = cv2.dilate(on_paper(view.board(grid)).astype(np.uint8), np.ones((5, 5))) > 0
@@ -187,5 +188,5 @@ def picture(
     codes = np.rint(255 * np.clip(light, 0, 1)).astype(np.uint8)
     if jpeg is not None:
         _, stream = cv2.imencode(".jpg", codes, [cv2.IMWRITE_JPEG_QUALITY, jpeg])
-        codes = cv2.imdecode(stream, cv2.IMREAD_GRAYSCALE)
+        codes = np.asarray(cv2.imdecode(stream, cv2.IMREAD_GRAYSCALE))
     return codes

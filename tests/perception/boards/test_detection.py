@@ -62,6 +62,7 @@ def test_points_are_where_they_are(name):
     view, printed, effects = VIEWS[name]
     corners = detect_board(picture(view, printed, **effects), board_of(printed))
     errors = compared(corners, view, printed)
+    assert corners is not None
     median, most = MOST[printed.kind]
     assert np.median(errors) < median
     assert errors.max() < most

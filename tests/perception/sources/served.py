@@ -60,7 +60,8 @@ class Camera:
 
     def __init__(self) -> None:
         self.pause, self.is_on, self.is_silent = 0.01, True, False
-        self.size, self.still = (COLUMNS, ROWS), None
+        self.size = COLUMNS, ROWS
+        self.still: int | None = None
         self.spoil: dict[int, Any] = {}
         self.sent = 0
         self.url = ""
@@ -111,7 +112,7 @@ def serving() -> Iterator[Camera]:
             except OSError:
                 return  # the other side has gone
 
-        def log_message(self, *_: Any) -> None:
+        def log_message(self, format: str, *args: Any) -> None:  # noqa: A002
             """Nothing."""
 
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)

@@ -33,8 +33,9 @@ def check_pictures(folder: Path, count: int, seed: int) -> None:
         (folder / f"{number}{ending}").write_bytes(damaged(whole[ending], generator))
     with open_source(str(folder)) as source:
         found = list(source)
-    assert [item.number for item in found] == list(range(count))
-    assert all(isinstance(item, Frame | LostFrame) for item in found)
+    numbers = [item.number for item in found if isinstance(item, Frame | LostFrame)]
+    assert numbers == list(range(count))
+    assert len(found) == count
     assert not any("crash" in str(item) for item in found)
     assert sum(isinstance(item, LostFrame) for item in found) > count / 4
 

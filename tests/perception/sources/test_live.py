@@ -54,7 +54,7 @@ def texts(items: list[Item]) -> list[str]:
 def test_every_picture_is_a_frame_or_counted(camera: Camera, source: Source) -> None:
     """Numbers are those that the camera drew into its pictures, also if it is read slowly."""
     items = iter(source)
-    found = until(items, frames(5))
+    found, sent = until(items, frames(5)), 0
     for _ in range(4):
         time.sleep(0.25)
         sent = camera.sent
