@@ -115,6 +115,17 @@ def read_lens(path: str | Path) -> CalibratedLens:
 
     Raises:
         UserError: the file cannot be read or holds no lens; one line has the place and the cure.
+
+    Example:
+        >>> import tempfile
+        >>> fisheye = lens_of(np.array([400.0, 639.5, 479.5, *6 * [0.0]]))
+        >>> lens = CalibratedLens(
+        ...     fisheye, (1280, 960), np.eye(9), 0.05, 0.05, 1.2, (20.0, 40.0), 10
+        ... )
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_lens(lens, f"{folder}/lens.toml")
+        ...     read_lens(f"{folder}/lens.toml").size
+        (1280, 960)
     """
     return calibrated_lens(validated(LensFile, read_toml(path, "lens"), str(path)).lens)
 
@@ -157,6 +168,18 @@ def format_lens(lens: CalibratedLens) -> str:
 
 
 def write_lens(lens: CalibratedLens, path: str | Path) -> None:
-    """Write a lens's file; an existing one is replaced when the new one is complete."""
+    """Write a lens's file; an existing one is replaced when the new one is complete.
+
+    Example:
+        >>> import tempfile
+        >>> fisheye = lens_of(np.array([400.0, 639.5, 479.5, *6 * [0.0]]))
+        >>> lens = CalibratedLens(
+        ...     fisheye, (1280, 960), np.eye(9), 0.05, 0.05, 1.2, (20.0, 40.0), 10
+        ... )
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_lens(lens, f"{folder}/lens.toml")
+        ...     read_lens(f"{folder}/lens.toml").size
+        (1280, 960)
+    """
     with replaced_when_complete(Path(path)) as partial:
         partial.write_text(format_lens(lens), encoding="utf-8")

@@ -21,11 +21,10 @@ from optics.calibration import (
     PupilModel,
     Sightings,
     Suggestion,
-    calibrate_lens,
-    format_lens,
-    predict_deviations,
-    suggest_pictures,
 )
+from optics.calibration.calibrated import format_lens
+from optics.calibration.guidance import predict_deviations, suggest_pictures
+from optics.calibration.lens import calibrate_lens
 from optics.plot.lens_figure import draw_lens_fit
 from perception.boards import Board, detect_board, read_board
 from perception.sources import Frame, LostFrame, VideoFile, open_source

@@ -25,8 +25,8 @@ from designopt.io.spec import Spec
 from designopt.io.spec_files import FORMAT, Format, Length, Number, Title, validated
 from designopt.io.toml_writing import format_toml
 from optics import parse_scene
-from optics.calibration import CalibratedLens, format_lens
-from optics.calibration.calibrated import LensTable, calibrated_lens
+from optics.calibration import CalibratedLens
+from optics.calibration.calibrated import LensTable, calibrated_lens, format_lens
 from optics.scene.writer import scene_tables
 from perception.proprioception import FingerErrors
 from studies.models.sensor.finger_sensor import FingerSensor

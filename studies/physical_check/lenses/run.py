@@ -10,14 +10,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from perception.boards import Board, detect_board
 
 from designopt import Context, Records, Report, Results, UserError
 from designopt.compilation_cache import forget_programs_if_many
 from designopt.study import plots
-from optics.calibration import LensFit, Sightings, calibrate_lens, locate_boards
+from optics.calibration import LensFit, Sightings, locate_boards
 from optics.calibration.bundle import lens_of, parameters_of
+from optics.calibration.lens import calibrate_lens
 from optics.calibration.starts import LEAST_POINTS
+from perception.boards import Board, detect_board
 from studies.models.path_tracer import require_mitsuba
 from studies.oracles.judge import boards as judge
 from studies.oracles.judge.wide_lens import WideLens

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from designopt import UserError
-from optics.calibration import CalibratedLens, format_lens, read_lens, write_lens
+from optics.calibration import CalibratedLens, read_lens, write_lens
 from optics.calibration.bundle import lens_of, parameters_of
+from optics.calibration.calibrated import format_lens
 from tests.optics.calibration.pictures import LENS, TRUTH
 
 SHAPE = np.random.default_rng(0).normal(size=(9, 9))

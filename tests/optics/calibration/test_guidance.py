@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from optics.calibration import CalibratedLens, calibrate_lens, predict_deviations, suggest_pictures
+from optics.calibration import CalibratedLens
 from optics.calibration.bundle import Poses, Prior, Sightings, adjust, lens_of, parameters_of
-from optics.calibration.guidance import GRID, _board_slopes, _information, _updated
+from optics.calibration.guidance import (
+    GRID,
+    _board_slopes,
+    _information,
+    _updated,
+    predict_deviations,
+    suggest_pictures,
+)
+from optics.calibration.lens import calibrate_lens
 from tests.optics.calibration.pictures import LENS, NOISE, POINTS, TRUTH, boards, sightings
 
 DISTANCE = 30.0

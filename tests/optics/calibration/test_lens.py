@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from designopt import UserError
-from optics.calibration import PupilModel, calibrate_lens
+from optics.calibration import PupilModel
 from optics.calibration.bundle import parameters_of
+from optics.calibration.lens import calibrate_lens
 from tests.optics.calibration.pictures import LENS, NOISE, POINTS, TRUTH, boards, sightings
 
 

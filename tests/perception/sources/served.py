@@ -60,7 +60,7 @@ class Camera:
 
     def __init__(self) -> None:
         self.pause, self.is_on, self.is_silent = 0.01, True, False
-        self.size = COLUMNS, ROWS
+        self.size: tuple[int, int] = (COLUMNS, ROWS)
         self.still: int | None = None
         self.spoil: dict[int, Any] = {}
         self.sent = 0
