@@ -206,6 +206,7 @@ def locate_boards(
         Poses, and predicted minus seen places of all corners that have one, px.
 
     Example:
+        >>> from optics.calibration import Fisheye
         >>> square = 10.0 * jnp.array([[[0, 0], [1, 0], [1, 1], [0, 1], [2, 0], [0, 2.0]]])
         >>> fisheye = Fisheye(400.0, jnp.array([639.5, 479.5]), jnp.zeros(4), jnp.zeros(2))
         >>> lens = CalibratedLens(
