@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from designopt.numerics import as_float, safe_sqrt
-from optics.scene.camera import KannalaBrandt
+from optics.scene.camera import KannalaBrandt, shift_pupil
 
 NEWTON_STEPS = 5
 """Of the angle at which a ray leaves the axis; the pupil moves by little against the distance."""
@@ -49,8 +49,7 @@ class Fisheye(eqx.Module):
 
     def shift(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
         """How far before the origin a ray at an angle (rad) from the axis passes it, mm."""
-        square = angle * angle
-        return square * (self.pupil_shift[0] + square * self.pupil_shift[1])
+        return shift_pupil(self.pupil_shift, angle)
 
     def angles(self, points: Float[Array, "*batch 3"]) -> Float[Array, "*batch"]:
         """Angle from the axis (rad) at which the ray of each point passes the axis.

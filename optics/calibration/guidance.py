@@ -47,6 +47,9 @@ LEAST_SHARE = 0.4
 MARGIN = 4.0
 """So near the image's border no corner is found, px."""
 
+MOST = 3
+"""Pictures that are suggested at a time."""
+
 WORTH, ENOUGH_PX = 0.9, 0.01
 """A picture that leaves more than this part of the deviation is not worth taking, and none is where
 the deviation is below that of any corner."""
@@ -107,7 +110,6 @@ def suggest_pictures(
     lens: CalibratedLens,
     points: Float[np.ndarray, "points 2"],
     distances: tuple[float, float],
-    most: int = 3,
 ) -> list[Suggestion]:
     """Pictures of the board that lower the deviations most, one after the other.
 
@@ -115,10 +117,9 @@ def suggest_pictures(
         lens: as it is known so far.
         points: of the board, mm.
         distances: nearest and farthest at which the board may be held, mm.
-        most: pictures.
 
     Returns:
-        No more pictures than are worth it.
+        At most `MOST`, and no more than are worth it.
     """
     middle = math.sqrt(distances[0] * distances[1])
     _, slopes = _slopes_over_image(lens, middle)
@@ -129,15 +130,14 @@ def suggest_pictures(
     given = parameters_of(lens.lens), turns, shifts, centered
     places, angles, by_lens, by_pose = map(np.asarray, _board_slopes(*map(jnp.asarray, given)))
     seen = _is_imaged(lens, places, angles)
-    information = [
-        _information(one[which], pose[which]) / lens.noise**2
-        for one, pose, which in zip(by_lens, by_pose, seen, strict=True)
-    ]
     useful = np.flatnonzero(seen.mean(axis=1) >= LEAST_SHARE)
+    information = [
+        _information(by_lens[i, seen[i]], by_pose[i, seen[i]]) / lens.noise**2 for i in useful
+    ]
     covariance, found = lens.covariance, list[Suggestion]()
     before = float(np.sqrt(np.trace(wanted @ covariance)))
-    while len(found) < most and len(useful) and before > ENOUGH_PX:
-        after = [_updated(covariance, information[i]) for i in useful]
+    while len(found) < MOST and len(useful) and before > ENOUGH_PX:
+        after = [_updated(covariance, one) for one in information]
         deviations = [float(np.sqrt(np.trace(wanted @ one))) for one in after]
         best = int(np.argmin(deviations))
         if deviations[best] > WORTH * before:
@@ -250,7 +250,7 @@ def _information(
 ) -> Float[np.ndarray, "9 9"]:
     """On the lens, of corners of deviation 1 whose board's pose is not known."""
     slopes, pose = by_lens.reshape(-1, by_lens.shape[-1]), by_pose.reshape(-1, POSE)
-    left = slopes - pose @ np.linalg.lstsq(pose, slopes)[0] if len(pose) else slopes
+    left = slopes - pose @ np.linalg.lstsq(pose, slopes)[0]
     return left.T @ left
 
 

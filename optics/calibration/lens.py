@@ -222,18 +222,20 @@ def locate_boards(
     rays, _ = lens.lens.rays(jnp.where(there, sightings.places, 0.0))
     parts = (sightings.points, rays, sightings.used)
     begin, _ = start_poses(*map(np.asarray, parts))
-    return find_poses(lens.lens, _weighted(sightings, lens.noise), begin)
+    return find_poses(lens.lens, sightings, begin)
 
 
 def _first_fit(shown: Sightings, size: tuple[int, int]) -> tuple[Bundle, Prior]:
     """A fit in which wrong corners count little, from the likeliest start that ends in one."""
     found = []
+    # In px: how corners compare with each other matters once most of them fit.
+    alike = eqx.tree_at(lambda one: one.deviations, shown, jnp.where(shown.used, 1.0, jnp.inf))
     for lens, poses, error in find_starts(shown, size)[:TRIED]:
         mean = parameters_of(lens)
         prior = Prior(mean, PRIOR * np.array([mean[0], size[0], size[0], *np.ones(6)]))
         # While all corners are far off, none of them is wrong against the others.
-        near = adjust(_weighted(shown, max(error, EXPECTED_PX)), lens, poses, prior, robust=True)
-        bundle = adjust(_weighted(shown, EXPECTED_PX), near.lens, near.poses, prior, robust=True)
+        near = adjust(_weighted(alike, max(error, EXPECTED_PX)), lens, poses, prior, robust=True)
+        bundle = adjust(_weighted(alike, EXPECTED_PX), near.lens, near.poses, prior, robust=True)
         error = float(np.median(np.abs(bundle.residuals[np.asarray(shown.used)])))
         found.append((error, bundle, prior))
         if error < FITS_PX:

@@ -216,6 +216,19 @@ CLASSICAL: dict[str, Projection] = {
 """The projections without coefficients, by their names in files."""
 
 
+def shift_pupil(
+    coefficients: Float[Array, "2"], angle: Float[Array, "*batch"]
+) -> Float[Array, "*batch"]:
+    """How far forward the entrance pupil is for rays at an angle (rad) from the axis, mm.
+
+    Args:
+        coefficients: e₂ and e₄ of e₂ θ² + e₄ θ⁴, mm.
+        angle: θ.
+    """
+    square = angle * angle
+    return square * (coefficients[0] + square * coefficients[1])
+
+
 class Sensor(eqx.Module):
     """A sensor behind a lens, as both are sold; every dimension is an array leaf.
 
@@ -307,8 +320,7 @@ class Camera(eqx.Module):
         """
         if self.pupil_shift is None:
             return jnp.zeros_like(angle)
-        square = angle * angle
-        return square * (self.pupil_shift[0] + square * self.pupil_shift[1])
+        return shift_pupil(self.pupil_shift, angle)
 
     def pixel(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
         """Where a ray is imaged, in pixels from the image's first edge.

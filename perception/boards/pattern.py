@@ -21,7 +21,7 @@ COARSEST = 6
 def opencv_dictionary(board: Board) -> cv2.aruco.Dictionary:
     """OpenCV's dictionary of the board's markers alone, the first of which has the number 0.
 
-    Fewer markers are mistaken for others and are told from what is none in less time.
+    Among fewer markers, fewer are mistaken for each other, and the search takes less time.
     """
     found = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, opencv_name(board.family)))
     last = board.first_marker + board.marker_count

@@ -13,15 +13,6 @@ from designopt.compilation_cache import NoCache, keep_programs
 calibrate = typer.Typer(help="Calibrate a lens, or a finger, from pictures.", no_args_is_help=True)
 
 
-@calibrate.callback()
-def _calibrate() -> None:
-    """Calibrate a lens from pictures of a board, and a finger from frames of its camera.
-
-    Example:
-      designopt calibrate lens pictures --out lens.toml
-    """
-
-
 @calibrate.command("lens")
 def calibrate_lens(
     pictures: Annotated[
@@ -87,7 +78,7 @@ def calibrate_finger(
     ] = Path("finger.sensor"),
     width: Annotated[
         float | None,
-        typer.Option(metavar="MM", help="Of the pads, where the finger's file states none."),
+        typer.Option(metavar="MM", help="Of the pads.", show_default="as the file states"),
     ] = None,
     gamma: Annotated[
         float | None,

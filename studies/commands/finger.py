@@ -26,8 +26,9 @@ from perception.proprioception import (
 )
 from perception.sources import Frame, LostFrame, open_source
 from studies.models.sensor.finger_sensor import FingerSensor
-from studies.models.sensor.sensor_folder import Sensor, finger_sensor, tables_of, write_sensor
-from studies.models.sensor.spec import WIDTH, MadeSpec
+from studies.models.sensor.imaged import designed, width_of
+from studies.models.sensor.sensor_folder import Sensor, finger_sensor, write_sensor
+from studies.models.sensor.spec import MadeSpec
 
 GAMMAS = np.arange(1.0, 2.61, 0.2)
 """Responses of cameras that are tried; that with the least scatter of the frames is taken."""
@@ -65,7 +66,7 @@ def calibrate_finger_from(
         lens_file: of the camera.
         finger_file: of the finger, or of its scene.
         out: the folder.
-        width: of the pads, mm, where the file states none.
+        width: of the pads, mm; ``None`` for that in the file.
         gamma: of the camera's response; ``None`` if it is not known.
         label_deviation_deg: standard deviation of the joint angles in the CSV file.
         force: whether an earlier sensor may be replaced.
@@ -81,9 +82,9 @@ def calibrate_finger_from(
         raise UserError(f"--label-deviation {label_deviation_deg:g}: it is a positive angle")
     with jax.enable_x64(True):
         lens = read_lens(lens_file)
-        tables, own_width = tables_of(finger_file)
-        wide = own_width or width or WIDTH
-        finger = finger_sensor(tables, lens, wide, MadeSpec(), 1.0, str(finger_file))
+        scene, tolerances = designed(str(finger_file)), MadeSpec()
+        wide = width_of(scene) if width is None else width
+        finger = finger_sensor(scene, lens, wide, tolerances, 1.0)
         labelled, lost = read_frames(frames, finger.model.names, lens.size)
         some = np.isfinite(labelled.angles).any()
         deviation = math.radians(label_deviation_deg) if some else None
@@ -95,7 +96,7 @@ def calibrate_finger_from(
         if not bool(found.ok):
             raise UserError(f"{frames}: {CalibrationResult[found.result]}")
         sensor = Sensor(
-            printable(out.stem), finger.with_response(response), tables, lens, MadeSpec(),
+            printable(out.stem), finger.with_response(response), scene, lens, tolerances,
             response, found.value.errors, float(found.value.scatter),
             np.asarray(found.value.angles), labelled.images,
         )  # fmt: skip

@@ -5,29 +5,24 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
 from designopt.errors import UserError
 from designopt.io.files import check_targets, printable, replaced_when_complete
 from designopt.plot.figures import style, trim
-from optics.calibration import (
-    LensFit,
-    PupilModel,
-    Sightings,
-    Suggestion,
-)
+from optics.calibration import LensFit, PupilModel, Suggestion
 from optics.calibration.calibrated import format_lens
 from optics.calibration.guidance import predict_deviations, suggest_pictures
 from optics.calibration.lens import calibrate_lens
 from optics.plot.lens_figure import draw_lens_fit
-from perception.boards import Board, detect_board, read_board
+from perception.boards import Board, BoardCorners, detect_board, read_board
 from perception.sources import Frame, LostFrame, VideoFile, open_source
+from studies.models.board_sightings import sightings_of
 
 MOST = 60
 """Pictures that are used; of a longer video, those that differ most."""
@@ -45,16 +40,14 @@ class BoardPictures:
 
     Attributes:
         names: of the pictures that show some of it.
-        places: columns and rows of the board's points in each of them, NaN where one is not found.
-        deviations: of either, px; infinite where one is not found.
+        corners: of the board in each of them.
         empty: names of those that show none.
         lost: lines on those that cannot be read.
         size: columns and rows of all.
     """
 
     names: list[str] = field(default_factory=list)
-    places: list[Float[np.ndarray, "points 2"]] = field(default_factory=list)
-    deviations: list[Float[np.ndarray, " points"]] = field(default_factory=list)
+    corners: list[BoardCorners] = field(default_factory=list)
     empty: list[str] = field(default_factory=list)
     lost: list[str] = field(default_factory=list)
     size: tuple[int, int] = (0, 0)
@@ -77,18 +70,18 @@ def calibrate_from(
     board = Board() if board_file is None else read_board(board_file)
     found = find_boards(pictures, board)
     with jax.enable_x64(True):
-        fit = calibrate_lens(sightings_of(found, board), found.size, printable(out.stem))
+        fit = calibrate_lens(sightings_of(board, found.corners), found.size, printable(out.stem))
         middle = math.sqrt(near * far)
         deviations = predict_deviations(fit.calibrated, middle)
         suggestions = suggest_pictures(fit.calibrated, board.points, (near, far))
         with style():
             figure = draw_lens_fit(fit, deviations, suggestions)
             trim(figure)
-            for path in figures:
-                with replaced_when_complete(path) as partial:
-                    figure.savefig(partial)
-        with replaced_when_complete(out) as partial:
-            partial.write_text(format_lens(fit.calibrated), encoding="utf-8")
+            with ExitStack() as all_or_none:
+                for path in figures:
+                    figure.savefig(all_or_none.enter_context(replaced_when_complete(path)))
+                partial = all_or_none.enter_context(replaced_when_complete(out))
+                partial.write_text(format_lens(fit.calibrated), encoding="utf-8")
         lines = [*_summary(fit, found, deviations.rms, middle), *_advice(suggestions)]
         remarks = [*found.lost, *_remarks(fit, found, near, far)]
     return [printable(str(out)), *lines], remarks
@@ -143,34 +136,25 @@ def _look(found: BoardPictures, frame: Frame, board: Board, *, novel: bool) -> N
     if corners is None:
         found.empty.append(frame.name)
         return
-    places, deviations = np.full(board.points.shape, np.nan), np.full(len(board.points), np.inf)
-    places[corners.numbers], deviations[corners.numbers] = corners.places, corners.errors
-    if novel and found.names and _moved(found.places[-1], places) < MOVED * columns:
+    if novel and found.names and _moved(found.corners[-1], corners) < MOVED * columns:
         return
     found.names.append(frame.name)
-    found.places.append(places)
-    found.deviations.append(deviations)
+    found.corners.append(corners)
 
 
-def _moved(one: Float[np.ndarray, "points 2"], other: Float[np.ndarray, "points 2"]) -> float:
+def _moved(one: BoardCorners, other: BoardCorners) -> float:
     """Root mean square distance between the points that both show, px; infinite without any."""
-    both = np.isfinite(one[:, 0]) & np.isfinite(other[:, 0])
-    return float(np.sqrt(np.mean((one - other)[both] ** 2) * 2)) if both.any() else math.inf
+    _, first, second = np.intersect1d(one.numbers, other.numbers, return_indices=True)
+    away = np.linalg.norm(one.places[first] - other.places[second], axis=1)
+    return float(np.sqrt(np.mean(away**2))) if len(away) else math.inf
 
 
 def _thin_out(found: BoardPictures) -> None:
     """Leave the picture out that differs least from the one after it."""
-    apart = [_moved(*pair) for pair in itertools.pairwise(found.places)]
+    apart = [_moved(*pair) for pair in itertools.pairwise(found.corners)]
     least = int(np.argmin(apart))
-    for kept in (found.names, found.places, found.deviations):
+    for kept in (found.names, found.corners):
         kept.pop(least)
-
-
-def sightings_of(found: BoardPictures, board: Board) -> Sightings:
-    """The pictures' corners."""
-    places = np.array(found.places)
-    points = jnp.broadcast_to(jnp.asarray(board.points), places.shape)
-    return Sightings(points, jnp.asarray(places), jnp.asarray(np.array(found.deviations)))
 
 
 def _summary(fit: LensFit, found: BoardPictures, rms: float, distance: float) -> Iterator[str]:

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import tomllib
 import zipfile
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import jax.numpy as jnp
 import numpy as np
@@ -24,13 +23,12 @@ from designopt.io.files import read_toml
 from designopt.io.spec import Spec
 from designopt.io.spec_files import FORMAT, Format, Length, Number, Title, validated
 from designopt.io.toml_writing import format_toml
-from optics import parse_scene
+from optics import Scene, parse_scene
 from optics.calibration import CalibratedLens
 from optics.calibration.calibrated import LensTable, calibrated_lens, format_lens
 from optics.scene.writer import scene_tables
 from perception.proprioception import FingerErrors
 from studies.models.sensor.finger_sensor import FingerSensor
-from studies.models.sensor.imaged import designed
 from studies.models.sensor.lens_in_scene import with_lens
 from studies.models.sensor.made import deviations_of
 from studies.models.sensor.spec import MadeSpec
@@ -48,11 +46,9 @@ class SensorTable(Spec):
 
     name: Title = "sensor"
     format: Format = FORMAT
-    pixels: tuple[int, int]
     width: Length
     gamma: Annotated[Number, pydantic.Field(gt=0.2, lt=5)]
     scatter: Annotated[Number, pydantic.Field(ge=0)]
-    frames: Annotated[int, pydantic.Field(strict=True, ge=1)]
 
 
 class SensorFile(Spec):
@@ -70,7 +66,7 @@ class Sensor:
     Attributes:
         name: of the sensor.
         finger: as designed, behind its own lens and response.
-        tables: of its scene's file.
+        scene: as designed, with the camera's lens as designed.
         lens: of its camera.
         tolerances: standard deviations of errors of fabrication.
         gamma: codes are light^(1/gamma).
@@ -82,7 +78,7 @@ class Sensor:
 
     name: str
     finger: FingerSensor
-    tables: Mapping[str, Any]
+    scene: Scene
     lens: CalibratedLens
     tolerances: MadeSpec
     gamma: float
@@ -93,29 +89,22 @@ class Sensor:
 
 
 def finger_sensor(
-    tables: Mapping[str, Any],
-    lens: CalibratedLens,
-    width: float,
-    tolerances: MadeSpec,
-    gamma: float,
-    source: str,
+    scene: Scene, lens: CalibratedLens, width: float, tolerances: MadeSpec, gamma: float
 ) -> FingerSensor:
     """The models of a finger behind a calibrated lens.
 
     Args:
-        tables: of its scene's file.
+        scene: as designed.
         lens: of its camera.
         width: of its pads, mm.
         tolerances: standard deviations of errors of fabrication.
         gamma: codes are light^(1/gamma).
-        source: where the tables come from, for messages.
 
     Raises:
-        UserError: the tables describe no scene of which images can be analysed, or the lens is
-            another camera's.
+        UserError: images of the scene cannot be analysed, or the lens is another camera's.
     """
-    scene = with_lens(parse_scene(tables, source), lens)
-    finger = FingerSensor.of_scene(scene, width, deviations_of(tolerances, scene))
+    seen = with_lens(scene, lens)
+    finger = FingerSensor.of_scene(seen, width, deviations_of(tolerances, seen))
     return finger.with_response(gamma)
 
 
@@ -125,14 +114,12 @@ def write_sensor(sensor: Sensor, folder: Path) -> None:
     table = {
         "name": sensor.name,
         "format": FORMAT,
-        "pixels": list(sensor.lens.size),
         "width": sensor.finger.width,
         "gamma": sensor.gamma,
         "scatter": sensor.scatter,
-        "frames": len(sensor.frames),
     }
     tolerances = sensor.tolerances.model_dump(mode="json")
-    tables = {"sensor": table, **lens, "tolerances": tolerances, **sensor.tables}
+    tables = {"sensor": table, **lens, "tolerances": tolerances, **scene_tables(sensor.scene)}
     (folder / DOCUMENT).write_text(format_toml(tables, COMMENT), encoding="utf-8")
     np.savez_compressed(
         folder / ARRAYS,
@@ -158,11 +145,11 @@ def read_sensor(folder: str | Path) -> Sensor:
         )
     tables = read_toml(path / DOCUMENT, "sensor")
     own = {name: tables[name] for name in ("sensor", "lens", "tolerances") if name in tables}
-    scene = {name: table for name, table in tables.items() if name not in own}
-    file = validated(SensorFile, own, str(path / DOCUMENT))
-    lens, table = calibrated_lens(file.lens), file.sensor
+    rest = {name: table for name, table in tables.items() if name not in own}
     source = str(path / DOCUMENT)
-    finger = finger_sensor(scene, lens, table.width, file.tolerances, table.gamma, source)
+    file, scene = validated(SensorFile, own, source), parse_scene(rest, source)
+    lens, table = calibrated_lens(file.lens), file.sensor
+    finger = finger_sensor(scene, lens, table.width, file.tolerances, table.gamma)
     arrays = _read_arrays(path / ARRAYS)
     expected = finger.model.errors, (len(finger.model.views), 4, 2)
     if (len(arrays["mean"]), arrays["offsets"].shape) != expected:
@@ -185,14 +172,3 @@ def _read_arrays(path: Path) -> dict[str, np.ndarray]:
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         reason = getattr(error, "strerror", None) or "it is damaged"
         raise UserError(f"{path}: cannot be read: {reason}; calibrate the finger again") from error
-
-
-def tables_of(path: str | Path) -> tuple[dict[str, Any], float | None]:
-    """Tables of the scene of a finger's or a scene's file, and the width of its pads, mm.
-
-    Raises:
-        UserError: the file describes neither.
-    """
-    scene = designed(str(path))
-    width = None if scene.widths is None else float(np.min(np.asarray(scene.widths)))
-    return scene_tables(scene), None if width is None or np.isnan(width) else width

@@ -19,11 +19,12 @@ from optics.calibration.bundle import lens_of, parameters_of
 from optics.calibration.lens import calibrate_lens
 from optics.calibration.starts import LEAST_POINTS
 from perception.boards import Board, detect_board
+from studies.models.board_sightings import sightings_of
 from studies.models.path_tracer import require_mitsuba
 from studies.oracles.judge import boards as judge
 from studies.oracles.judge.wide_lens import WideLens
 from studies.physical_check.lenses import LensCheckSpec
-from studies.physical_check.lenses.rival import calibrate_with_opencv
+from studies.physical_check.lenses.baseline import calibrate_with_opencv
 
 BOARDS: tuple[tuple[Board, Literal["charuco", "tags"], str], ...] = (
     (Board(), "charuco", "DICT_4X4_100"),
@@ -62,28 +63,20 @@ def _add_set(
     board, kind, markers = BOARDS[number % len(BOARDS)]
     made = judge.Board(kind, board.columns, board.rows, board.square, board.marker_side, markers)
     count = int(generator.integers(spec.fewest, spec.most + 1))
-    seen, stated, true, seconds = [], [], [], []
+    seen, true, seconds = [], [], []
     for picture in range(count + spec.further):
         pose = judge.random_pose(generator, lens, made)
         conditions = judge.random_conditions(generator)
         taken = judge.photograph_board(lens, made, pose, conditions, picture)
         begin = time.perf_counter()
-        found = detect_board(taken.pixels, board)
+        seen.append(detect_board(taken.pixels, board))
         seconds.append(time.perf_counter() - begin)
-        places, deviations = np.full(taken.places.shape, np.nan), np.full(len(taken.places), np.inf)
-        if found is not None:
-            places[found.numbers], deviations[found.numbers] = found.places, found.errors
-        seen.append(places)
-        stated.append(deviations)
         true.append(taken.places)
-    places, deviations, truth = np.array(seen), np.array(stated), np.array(true)
+    places, truth = np.asarray(sightings_of(board, seen).places), np.array(true)
     off = np.linalg.norm(places - truth, axis=-1)
     where = {"lens": number, "board": board.kind, "field_deg": 2 * np.degrees(lens.largest)}
     imaged = int(np.isfinite(truth[..., 0]).sum())
-    given, further = (
-        sightings(board, places[part], deviations[part])
-        for part in (slice(count), slice(count, None))
-    )
+    given, further = sightings_of(board, seen[:count]), sightings_of(board, seen[count:])
     begin = time.perf_counter()
     fit = failure = None
     try:
@@ -91,7 +84,7 @@ def _add_set(
     except UserError as error:
         failure = str(error)
     took = time.perf_counter() - begin
-    rival = calibrate_with_opencv(board.points, places[:count], lens.size)
+    opencv = calibrate_with_opencv(board.points, places[:count], lens.size)
     judged = [] if fit is None else _further(fit, further, truth[count:])
     sets.add(
         **where,
@@ -106,27 +99,16 @@ def _add_set(
         noise_px=np.nan if fit is None else fit.calibrated.noise,
         seconds=took,
         detect_seconds=float(np.median(seconds)),
-        rival_failed=rival.failure != "",
-        rival_failure=rival.failure,
-        rival_px=rival.median,
-        rival_seconds=rival.seconds,
+        opencv_failed=opencv.failure != "",
+        opencv_failure=opencv.failure,
+        opencv_px=opencv.median,
+        opencv_seconds=opencv.seconds,
     )
-    known = np.isfinite(off)
-    corners.add(board=board.kind, error_px=off[known], ratio=off[known] / deviations[known])
+    corners.add(board=board.kind, error_px=off[np.isfinite(off)])
     if fit is not None:
         for name, error, deviation in parameter_errors(fit, lens):
             errors.add(**where, parameter=name, error=error, deviation=deviation,
                        ratio=error / deviation)  # fmt: skip
-
-
-def sightings(
-    board: Board,
-    places: Float[np.ndarray, "pictures points 2"],
-    deviations: Float[np.ndarray, "pictures points"],
-) -> Sightings:
-    """What pictures show of a board."""
-    points = jnp.broadcast_to(jnp.asarray(board.points), places.shape)
-    return Sightings(points, jnp.asarray(places), jnp.asarray(deviations))
 
 
 def _further(
@@ -186,7 +168,7 @@ def add_metrics(out: Report, sets: Records, corners: Records, errors: Records) -
     worst = max(ratios.values(), key=lambda ratio: abs(np.log(ratio)), default=np.nan)
     out.metrics(
         sets=len(sets),
-        converged=sets.stat("sum converged"),
+        converged=sets.stat("share converged"),
         held_out_px=sets.stat("median held_out_px"),
         held_out_worst_px=sets.stat("max held_out_px"),
         further_px=sets.stat("median further_px"),
@@ -198,8 +180,8 @@ def add_metrics(out: Report, sets: Records, corners: Records, errors: Records) -
         corners_found=sets.stat("sum found") / sets.stat("sum imaged"),
         seconds=sets.stat("median seconds"),
         detect_seconds=sets.stat("median detect_seconds"),
-        rival_failed=sets.stat("share rival_failed"),
-        rival_px=sets.where(rival_failed=False).stat("median rival_px"),
+        opencv_failed=sets.stat("share opencv_failed"),
+        opencv_px=sets.where(opencv_failed=False).stat("median opencv_px"),
     )
 
 
@@ -207,7 +189,7 @@ def add_findings(out: Report, sets: Records) -> None:
     """Plain sentences, most important first."""
     out.say("converged")
     out.say("deviations")
-    out.say("rival", failures=int(sets.stat("sum rival_failed")))
+    out.say("opencv", failures=int(sets.stat("sum opencv_failed")))
     failed = sets.where(converged=False)
     if len(failed):
         out.say("failed", count=len(failed), first=str(failed["failure"][0]))
@@ -220,8 +202,8 @@ def add_tables(out: Report, sets: Records, corners: Records, errors: Records) ->
     bands = np.floor(sets["field_deg"].astype(float) / 20) * 20
     by = {"lenses": "count converged", "converged": "share converged"}
     by |= {"held_out_px": "median held_out_px", "further_px": "median further_px"}
-    by |= {"rival_failed": "share rival_failed", "rival_px": "median rival_px"}
-    by |= {"seconds": "median seconds", "rival_seconds": "median rival_seconds"}
+    by |= {"opencv_failed": "share opencv_failed", "opencv_px": "median opencv_px"}
+    by |= {"seconds": "median seconds", "opencv_seconds": "median opencv_seconds"}
     out.table("fields", (sets | {"from_deg": bands}).summary("from_deg", **by))
     found = {"corners": "count error_px", "median_px": "median error_px"}
     found |= {"p99_px": "p99 error_px", "worst_px": "max error_px"}
@@ -232,10 +214,5 @@ def add_tables(out: Report, sets: Records, corners: Records, errors: Records) ->
 def add_figures(out: Report, sets: Records, errors: Records) -> None:
     """Errors of held-out corners over the field of view, and ratios of errors to deviations."""
     names = {"further_px": "error of corners (px)", "ratio": "error over deviation"}
-    calibrated = sets | {"method": ["calibrate lens"] * len(sets)}
-    drawn = Records({name: calibrated[name] for name in ("further_px", "method")})
-    ours = np.isfinite(drawn["further_px"].astype(float))
-    out.figure(
-        "further", plots.ecdf(drawn.where(ours), "further_px", by="method", log="x", names=names)
-    )
+    out.figure("further", plots.ecdf(sets, "further_px", by="board", log="x", names=names))
     out.figure("ratios", plots.ecdf(errors, "ratio", by="parameter", names=names))

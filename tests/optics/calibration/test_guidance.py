@@ -71,7 +71,7 @@ def test_deviations_are_the_scatter_of_fits_without_a_motion_of_the_camera():
         off.append(rigidly_left(points[there], (places - LENS.project(points[there])).ravel()))
     scatter = np.sqrt(np.mean(np.square(off), axis=0).reshape(-1, 2).mean(axis=1))
     predicted = found.deviations[imaged][there]
-    # 25 draws of the few parameters that matter know a deviation to 15 %.
+    # 25 draws of the few parameters that matter determine a deviation to 15 %.
     ratio = np.sqrt(np.mean(scatter**2) / np.mean(predicted**2))
     assert 0.65 < ratio < 1.5
     assert np.corrcoef(np.log(scatter), np.log(predicted))[0, 1] > 0.8

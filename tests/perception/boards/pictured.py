@@ -32,7 +32,7 @@ BLACK, WHITE, WALL = 0.05, 0.85, 0.3
 
 
 class Print(NamedTuple):
-    """A board as OpenCV knows it; every edge of its modules is a multiple of 1 / density mm."""
+    """A board as OpenCV draws it; every edge of its modules is a multiple of 1 / density mm."""
 
     kind: str
     columns: int

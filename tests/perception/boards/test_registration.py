@@ -101,9 +101,9 @@ def test_errors_are_those_of_noise():
     ]
     scatter = np.array([fit.places - clean.places for fit in fits])
     found = np.sqrt(np.mean(scatter**2, axis=(0, 2)))
-    told = np.sqrt(np.mean([fit.errors**2 for fit in fits], axis=0))
+    stated = np.sqrt(np.mean([fit.errors**2 for fit in fits], axis=0))
     assert 0.01 < np.median(found) < 0.1
-    assert np.median(found / told) == pytest.approx(1, abs=0.15)
+    assert np.median(found / stated) == pytest.approx(1, abs=0.15)
 
 
 def test_what_is_no_print_is_not_like_it():

@@ -16,7 +16,7 @@ FEWEST = 10
 """Corners of a picture that it gets: with fewer it ends in exceptions of other kinds."""
 
 
-class Rival(NamedTuple):
+class Baseline(NamedTuple):
     """What ``cv2.fisheye.calibrate`` makes of pictures.
 
     Attributes:
@@ -34,7 +34,7 @@ def calibrate_with_opencv(
     points: Float[np.ndarray, "points 2"],
     places: Float[np.ndarray, "pictures points 2"],
     size: tuple[int, int],
-) -> Rival:
+) -> Baseline:
     """Calibrate; an exception, or a lens that is far off, is a failure.
 
     Args:
@@ -57,7 +57,7 @@ def calibrate_with_opencv(
             criteria=(cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-9),
         )
     except cv2.error as error:
-        return Rival(f"exception: {error.err}", np.nan, time.perf_counter() - begin)
+        return Baseline(f"exception: {error.err}", np.nan, time.perf_counter() - begin)
     seconds = time.perf_counter() - begin
     off = []
     for one, which, turn, shift in zip(places, shown, turns, shifts, strict=True):
@@ -67,5 +67,5 @@ def calibrate_with_opencv(
         off.append(np.linalg.norm(predicted.reshape(-1, 2) - one[which], axis=1))
     median = float(np.median(np.concatenate(off)))
     if not median < FAR_OFF_PX:
-        return Rival("far off", median, seconds)
-    return Rival("", median, seconds)
+        return Baseline("far off", median, seconds)
+    return Baseline("", median, seconds)
