@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import tomllib
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -100,12 +100,14 @@ def finger_sensor(
         tolerances: standard deviations of errors of fabrication.
         gamma: codes are light^(1/gamma).
 
+    Its lens has no errors of fabrication: its calibration leaves hundredths of a pixel.
+
     Raises:
         UserError: images of the scene cannot be analysed, or the lens is another camera's.
     """
     seen = with_lens(scene, lens)
-    finger = FingerSensor.of_scene(seen, width, deviations_of(tolerances, seen))
-    return finger.with_response(gamma)
+    deviations = replace(deviations_of(tolerances, seen), distortion=None, pupil=None)
+    return FingerSensor.of_scene(seen, width, deviations).with_response(gamma)
 
 
 def write_sensor(sensor: Sensor, folder: Path) -> None:
