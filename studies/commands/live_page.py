@@ -15,11 +15,13 @@ from importlib.resources import files
 from typing import Any
 
 import cv2
+import jax
 import numpy as np
 
 from designopt.errors import UserError
 from studies.commands.overlay import difference_picture, draw_overlay
 from studies.commands.records import Seen, document_of
+from studies.models.sensor.reading import Reader
 
 ADDRESS = "127.0.0.1"
 HOSTS = (ADDRESS, "localhost")
@@ -47,10 +49,16 @@ class LivePage:
 
     def __init__(self, address: str) -> None:
         self.address = address
-        self.names: tuple[tuple[str, ...], tuple[str, ...]] = (), ()
+        self._reader: Reader | None = None
         self._seen: Seen | None = None
+        self._shown: Seen | None = None
+        self._one = threading.Lock()
         self._summary, self._count, self._has_ended = "", 0, False
         self._changed = threading.Condition()
+
+    def begin(self, reader: Reader) -> None:
+        """Take what frames are read by, before the first is shown."""
+        self._reader = reader
 
     def show(self, seen: Seen, summary: str) -> None:
         """Show a frame, and a line on all frames so far."""
@@ -80,27 +88,43 @@ class LivePage:
                     return
                 seen, count = self._seen, self._count
             assert seen is not None
-            yield _jpeg(_fitting(draw_overlay(seen, *self.names)))
+            assert self._reader is not None
+            yield _jpeg(_fitting(draw_overlay(seen, self._reader.joints, self._reader.pads)))
 
     def reading(self) -> dict[str, Any]:
-        """The newest frame's record, and a line on all."""
-        with self._changed:
-            seen, summary = self._seen, self._summary
-        record = {} if seen is None else document_of(seen, self.names[0])
-        return {"summary": summary, "all_pads": self.names[1], "record": record}
+        """The newest frame's record with its pads, and a line on all frames."""
+        seen, summary = self._newest(), self._summary
+        if seen is None or self._reader is None:
+            return {"summary": "waiting for the first frame", "pads": [], "record": {}}
+        record = document_of(seen, self._reader.joints)
+        return {"summary": summary, "pads": self._reader.pads, "record": record}
 
     def pad(self, number: int) -> bytes | None:
-        """JPEG of a pad beside its difference in the newest frame; ``None`` where it has none."""
-        seen = self._seen
-        if seen is None or not 0 <= number < len(self.names[1]):
+        """JPEG of a pad beside its difference, as `reading` had it; ``None`` where it has none."""
+        seen = self._shown
+        if seen is None or self._reader is None or not 0 <= number < len(self._reader.pads):
             return None
-        shown = seen.reading.pads.get(self.names[1][number])
+        shown = seen.pads.get(self._reader.pads[number])
         if shown is None:
             return None
         parts = [shown.picture]
         if shown.difference is not None:
             parts.append(difference_picture(shown.difference))
         return _jpeg(np.hstack(parts))
+
+    def _newest(self) -> Seen | None:
+        """The newest frame with its pads, which are read here if the loop does not."""
+        with self._one:
+            seen = self._seen
+            if seen is None or self._reader is None:
+                return None
+            if self._shown is None or self._shown.frame is not seen.frame:
+                if not seen.pads:
+                    with jax.enable_x64(True):
+                        pads = self._reader.read_pads(seen.frame.image, seen.reading)
+                    seen = seen._replace(pads=pads)
+                self._shown = seen
+            return self._shown
 
 
 @contextmanager

@@ -15,7 +15,7 @@ import numpy as np
 
 from designopt.io.csv_text import csv_text
 from perception.sources import Frame, Light, LostFrame, Notice
-from studies.models.sensor.reading import Reading
+from studies.models.sensor.reading import PadReading, Reading
 
 CSV, JSONL = "readings.csv", "readings.jsonl"
 
@@ -26,6 +26,7 @@ class Seen(NamedTuple):
     Attributes:
         frame: as it came.
         reading: of it.
+        pads: that it shows whole, by name; none where nobody asks for them.
         light: against that of the source's first frame; ``None`` of picture files.
         light_moved: whether that is another, by the last verdict.
         latency: s from the frame's arrival to its reading.
@@ -33,6 +34,7 @@ class Seen(NamedTuple):
 
     frame: Frame
     reading: Reading
+    pads: dict[str, PadReading]
     light: Light | None
     light_moved: bool
     latency: float
@@ -44,7 +46,7 @@ class Records:
     Args:
         folder: that is there.
         joints: their names.
-        pads: their names.
+        pads: names of those that are recorded.
     """
 
     def __init__(self, folder: Path, joints: Sequence[str], pads: Sequence[str]) -> None:
@@ -79,7 +81,7 @@ class Records:
         complete = len(reading.sighting.complete())
         row += [digits(float(reading.misfit.rms), 3), complete, int(seen.light_moved)]
         for pad in self.pads:
-            shown = reading.pads.get(pad)
+            shown = seen.pads.get(pad)
             row += ["", None] if shown is None else [shown.view.path, digits(shown.change, 5)]
         self._row(row)
         return self._line(document_of(seen, self.joints))
@@ -140,7 +142,7 @@ def document_of(seen: Seen, joints: Sequence[str]) -> dict[str, Any]:
         ],
         "pads": {
             pad: {"path": shown.view.path, "change": digits(shown.change, 5)}
-            for pad, shown in reading.pads.items()
+            for pad, shown in seen.pads.items()
         },
     }
     if seen.light is not None:

@@ -50,7 +50,8 @@ def see(
         typer.Option(
             "--pads",
             help="Write every pad as seen from straight above, 10 px per mm, and its change since "
-            "the calibration (128 is none, 255 is +50 %) to pads/.",
+            "the calibration (128 is none, 255 is +50 %) to pads/, and the greatest change to the "
+            "readings.",
         ),
     ] = False,
     frames: Annotated[

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
@@ -133,13 +133,13 @@ def see_source(name: str, sensor_folder: Path, out: Path, asked: Asked) -> int:
         page = None if asked.port is None else stack.enter_context(live_page(asked.port))
         reader = Reader(read_sensor(sensor_folder))
         if page is not None:
-            page.names = reader.joints, reader.pads
+            page.begin(reader)
             print(f"{reader.sensor.name}: {page.address} (Ctrl-C ends it)", flush=True)
         start, most = stack.enter_context(_detection(source, reader))
         reader.read(reader.sensor.frames[0])  # compiles what every frame needs
         if is_live:
             source = open_source(name, size=size)
-        session = _Session(source, reader, out, asked, page)
+        session = Session(source, reader, out, asked, page)
         was_interrupted = False
         try:
             session.follow(start, most)
@@ -171,14 +171,14 @@ def _detection(source: Source, reader: Reader) -> Iterator[tuple[Start, int]]:
             found.set_result(reader.finger.detect(image))
         return found
 
-    if isinstance(source, PictureFiles) and len(source.paths) == 1:
+    if _is_one_picture(source):
         yield at_once, 1
     else:
         with detectors(reader.finger) as pool:
             yield pool.start, pool.count + 1
 
 
-class _Session:
+class Session:
     """One run of the command over a source.
 
     Attributes:
@@ -197,6 +197,7 @@ class _Session:
         self._writers: list[Writer] = []
         self._pending: deque[Future[None]] = deque()
         self._pool = ThreadPoolExecutor(1)
+        self._reads_pads = asked.pads or _is_one_picture(source)
 
     def follow(self, start: Start, most: int) -> None:
         """Read the source to its end, or as many frames as are asked for."""
@@ -239,8 +240,8 @@ class _Session:
             self._write(seen)
             if self._page is not None:
                 self._page.show(seen, str(self.counts))
-            if self._is_one_picture:
-                self._print_reading(seen)
+            if _is_one_picture(self._source) and not self._asked.json:
+                print("\n".join(reading_text(seen, self._reader.joints)))
         else:
             if isinstance(item, LostFrame):
                 if self._records is None and item.loss is Loss.OTHER_SIZE:
@@ -257,8 +258,9 @@ class _Session:
     def _seen(self, frame: Frame, arrival: Arrival) -> Seen:
         assert arrival.sighting is not None
         reading = self._reader.read(frame.image, arrival.sighting.result())
-        light = self._light(frame)
-        return Seen(frame, reading, light, self._light_moved, time.monotonic() - arrival.time)
+        pads = self._reader.read_pads(frame.image, reading) if self._reads_pads else {}
+        light, moved = self._light(frame), self._light_moved
+        return Seen(frame, reading, pads, light, moved, time.monotonic() - arrival.time)
 
     def _light(self, frame: Frame) -> Light | None:
         if isinstance(self._source, PictureFiles):
@@ -278,7 +280,7 @@ class _Session:
                 remove_result(self._out.resolve())
             self._out.mkdir(parents=True)
             names = self._reader.joints, self._reader.pads
-            self._records = Records(self._out, *names)
+            self._records = Records(self._out, names[0], names[1] if self._reads_pads else ())
             if self._asked.overlay:
                 is_files = isinstance(self._source, PictureFiles)
                 kind = OverlayPictures if is_files else OverlayVideo
@@ -294,26 +296,22 @@ class _Session:
         while len(self._pending) > MOST_PENDING:
             self._pending.popleft().result()
 
-    @property
-    def _is_one_picture(self) -> bool:
-        return isinstance(self._source, PictureFiles) and len(self._source.paths) == 1
 
-    def _print_reading(self, seen: Seen) -> None:
-        if not self._asked.json:
-            print("\n".join(reading_text(seen, self._reader)))
+def _is_one_picture(source: Source) -> bool:
+    return isinstance(source, PictureFiles) and len(source.paths) == 1
 
 
-def reading_text(seen: Seen, reader: Reader) -> Iterator[str]:
+def reading_text(seen: Seen, joints: Sequence[str]) -> Iterator[str]:
     """A reading in words, line by line."""
     reading = seen.reading
     yield printable(seen.frame.name)
-    yield from lines_of(seen, reader.joints)
+    yield from lines_of(seen, joints)
     yield f"misfit: {float(reading.misfit.rms):.2f} of the stated deviations of corners"
     for view in reading.sighting.views:
         quality = view.quality.name.lower().replace("_", " ")
         places = ", ".join(f"({column:.1f}, {row:.1f})" for column, row in view.corners.tolist())
         yield f"view of {view.pad}, {view.path}: {quality}; corners {places} px"
-    for pad, shown in reading.pads.items():
+    for pad, shown in seen.pads.items():
         change = "no frame of the sensor shows it by that path"
         if shown.difference is not None:
             change = f"greatest change {100 * shown.change:.1f} %"

@@ -65,7 +65,7 @@ class PadPictures:
 
     def add(self, seen: Seen) -> None:
         """Write those of a frame."""
-        for pad, shown in seen.reading.pads.items():
+        for pad, shown in seen.pads.items():
             name = f"{seen.frame.number:06d}-{self._names[pad]}"
             write_picture(self._folder / f"{name}.png", shown.picture)
             if shown.difference is not None:

@@ -56,7 +56,6 @@ class Reading:
         deviations: their standard deviations, rad; NaN where they are refused.
         verdicts: of every joint why its angle is refused; empty where it is not.
         misfit: of all corners, at the angles that fit best, refused or not.
-        pads: by name; those of which a complete view was found.
     """
 
     sighting: Sighting
@@ -64,7 +63,6 @@ class Reading:
     deviations: Float[np.ndarray, " joints"]
     verdicts: tuple[str, ...]
     misfit: Misfit
-    pads: dict[str, PadReading]
 
     @property
     def is_refused(self) -> bool:
@@ -105,32 +103,24 @@ class Reader:
             UserError: it is no image of this sensor's camera.
         """
         found = self.finger.detect(image) if sighting is None else sighting
-        pose, refused, verdicts = self._pose(found)
-        angles, deviations = (
-            np.where(refused, np.nan, one) for one in (pose.angles, pose.deviations)
-        )
-        near = np.where(refused, found.angles, angles)
-        return Reading(
-            found, angles, deviations, verdicts, pose.misfit, self._pads(image, found, near)
-        )
-
-    def _pose(self, found: Sighting) -> tuple[JointAngles, np.ndarray, tuple[str, ...]]:
         model = self.finger.model
         solution = find_pose(model, observe(found, model.views), found.angles, self.sensor.errors)
-        pose = jax.tree.map(np.asarray, solution.value)
-        return pose, ~np.asarray(solution.ok), tuple(solution.messages())
+        pose: JointAngles = jax.tree.map(np.asarray, solution.value)
+        valid = np.asarray(solution.ok)
+        angles = np.where(valid, pose.angles, np.nan)
+        deviations = np.where(valid, pose.deviations, np.nan)
+        return Reading(found, angles, deviations, tuple(solution.messages()), pose.misfit)
 
-    def _pads(
-        self, image: Image, found: Sighting, angles: Float[np.ndarray, " joints"]
-    ) -> dict[str, PadReading]:
-        """Every pad that is seen whole, and its difference at these angles (rad, NaN unknown)."""
+    def read_pads(self, image: Image, reading: Reading) -> dict[str, PadReading]:
+        """The pads that the frame of a reading shows whole, by name."""
+        near = np.where(np.isnan(reading.angles), reading.sighting.angles, reading.angles)
         pads = {}
         for pad in self.pads:
-            view = self.finger.best_view(found, pad)
+            view = self.finger.best_view(reading.sighting, pad)
             if view is None:
                 continue
             picture = self.finger.unwarp(image, view)
-            reference = self._reference(view, angles)
+            reference = self._reference(view, near)
             difference = None if reference is None else compare_with_reference(picture, reference)
             pads[pad] = PadReading(view, picture, difference)
         return pads
