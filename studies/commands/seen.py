@@ -24,7 +24,17 @@ from designopt.study.result_folders import (
     write_document,
 )
 from perception import Sighting
-from perception.sources import Frame, Light, LightWatch, Loss, LostFrame, Source, open_source
+from perception.sources import (
+    Frame,
+    Item,
+    Light,
+    LightWatch,
+    Loss,
+    LostFrame,
+    Notice,
+    Source,
+    open_source,
+)
 from perception.sources.light import BACK
 from perception.sources.live import LiveStream
 from perception.sources.pictures import PictureFiles
@@ -39,6 +49,9 @@ from studies.models.sensor.sensor_folder import read_image_size, read_sensor
 
 LATEST = 10_000
 """Frames whose latency is kept for the summary."""
+
+ENOUGH = 5
+"""Where the first so many pictures have another size than the sensor's, all have."""
 
 MOST_PENDING = 4
 """Pictures that wait to be written."""
@@ -196,16 +209,32 @@ class Session:
         self._light_moved = False
         self._writers: list[Writer] = []
         self._pending: deque[Future[None]] = deque()
+        self._other_size: deque[LostFrame] = deque()
         self._pool = ThreadPoolExecutor(1)
         self._reads_pads = asked.pads or _is_one_picture(source)
 
     def follow(self, start: Start, most: int) -> None:
-        """Read the source to its end, or as many frames as are asked for."""
+        """Read the source to its end, or as many frames as are asked for.
+
+        Args:
+            start: begins to look for views.
+            most: frames that are looked at in one go.
+
+        Raises:
+            UserError: the pictures have another size than the sensor's.
+            OSError: something cannot be written.
+        """
         with closing(arriving(self._source, start, most)) as arrivals:
             for arrival in arrivals:
+                if self._is_of_other_size(arrival.item):
+                    if len(self._other_size) == ENOUGH:
+                        break
+                    continue
                 self._take(arrival)
                 if self.counts.read == self._asked.frames:
                     break
+        if self._other_size:
+            self._refuse_other_size()
 
     def finish(self, sensor: Path) -> None:
         """Write what is left, and what the result is of."""
@@ -232,6 +261,8 @@ class Session:
 
     def _take(self, arrival: Arrival) -> None:
         item = arrival.item
+        while self._other_size:  # there are others, too
+            self._print(self._note(self._other_size.popleft()))
         if isinstance(item, Frame):
             assert arrival.sighting is not None
             seen = self._seen(item, arrival)
@@ -243,17 +274,34 @@ class Session:
             if _is_one_picture(self._source) and not self._asked.json:
                 print("\n".join(reading_text(seen, self._reader.joints)))
         else:
-            if isinstance(item, LostFrame):
-                if self._records is None and item.loss is Loss.OTHER_SIZE:
-                    raise UserError(
-                        f"{self._source.name}: {item}, as the pictures of the sensor have; set the "
-                        "camera's resolution to that, or calibrate a sensor with such pictures"
-                    )
-                self.counts.lost += item.count
-            print(printable(str(item)), file=sys.stderr)
-            line = self._opened().note(item)
+            line = self._note(item)
+        self._print(line)
+
+    def _print(self, line: str) -> None:
         if self._asked.json:
             print(line, flush=True)
+
+    def _note(self, item: LostFrame | Notice) -> str:
+        if isinstance(item, LostFrame):
+            self.counts.lost += item.count
+        print(printable(str(item)), file=sys.stderr)
+        return self._opened().note(item)
+
+    def _is_of_other_size(self, item: Item) -> bool:
+        """Whether only pictures of another size have come so far, which are kept for later.
+
+        One of them may be damaged; where they all are of that size, no folder is made.
+        """
+        if self._records is None and isinstance(item, LostFrame) and item.loss is Loss.OTHER_SIZE:
+            self._other_size.append(item)
+            return True
+        return False
+
+    def _refuse_other_size(self) -> None:
+        raise UserError(
+            f"{self._source.name}: {self._other_size[0]}, as the pictures of the sensor have; set "
+            "the camera's resolution to that, or calibrate a sensor with such pictures"
+        )
 
     def _seen(self, frame: Frame, arrival: Arrival) -> Seen:
         assert arrival.sighting is not None

@@ -12,7 +12,7 @@ from concurrent.futures import Future
 from contextlib import closing
 
 import cv2
-import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -20,7 +20,7 @@ from designopt import UserError
 from optics.rendering import Effects, Imprint
 from perception import Quality, View
 from perception.proprioception import FingerErrors
-from perception.sources import Frame, open_source
+from perception.sources import Frame, Source, open_source
 from studies.commands.arriving import arriving
 from studies.commands.detectors import detectors
 from studies.commands.live_page import live_page
@@ -124,7 +124,7 @@ def test_angles_and_corners_are_those_of_the_render(reader, camera, frames):
         off = np.abs(reading.angles - truth)
         assert (off < 4 * reading.deviations).all()
         assert (np.degrees(reading.deviations) < 0.6).all()
-        predicted = np.asarray(finger.model.predict(jax.numpy.asarray(errors), truth))
+        predicted = np.asarray(finger.model.predict(jnp.asarray(errors), jnp.asarray(truth)))
         for (pad, path), corners in zip(finger.model.views, predicted, strict=True):
             view = reading.sighting.view(pad, path)
             if view is not None and view.quality is Quality.COMPLETE and all(view.ends):
@@ -143,7 +143,7 @@ def other_pictures(frames):
     framed = np.zeros(shape, np.uint8)
     framed[: smaller.shape[0], : smaller.shape[1]] = smaller
     yield "smaller", framed
-    for number in range(4):
+    for number in range(2):
         pads = np.zeros(shape, np.uint8)
         for _ in range(5):
             left, top = generator.integers(20, (shape[1] - 120, shape[0] - 90)).tolist()
@@ -316,11 +316,7 @@ def check_damaged(reader, frames, folder, count, seed):
         end, _ = kinds[number % 2]
         path, out = folder / f"damaged{number}.{end}", folder / f"out{number}"
         path.write_bytes(damaged(whole[number % 2], generator))
-        try:
-            counts = run(reader, path, out)
-        except UserError as error:  # the header of the first picture has another size now
-            assert " px (columns x rows), not " in str(error)
-            continue
+        counts = run(reader, path, out)
         lines = lines_of(out)
         total = 0
         for line in lines:
@@ -331,7 +327,7 @@ def check_damaged(reader, frames, folder, count, seed):
 
 
 def test_damaged_files_are_counted(reader, frames, tmp_path):
-    check_damaged(reader, frames, tmp_path, 12, 1)
+    check_damaged(reader, frames, tmp_path, 6, 1)
 
 
 @pytest.mark.nightly
@@ -379,17 +375,12 @@ def test_items_come_in_order_and_no_more_than_are_asked_for(reader, stream):
     assert numbers == sorted(numbers)
     assert next(arrivals, None) is None
 
-    class Broken:
-        name = "broken"
-
-        def __iter__(self):
+    class Broken(Source):
+        def _items(self):
             raise OSError("the cable is cut")
 
-        def close(self):
-            pass
-
     with pytest.raises(OSError, match="the cable is cut"):
-        next(arriving(Broken(), start, 1))
+        next(arriving(Broken("broken", None), start, 1))
 
 
 # What is shown -----------------------------------------------------------------------------------
@@ -477,6 +468,10 @@ def test_pictures_of_another_size_are_refused_before_a_folder_is_made(reader, tm
     with pytest.raises(UserError, match=r"small.png: .* has 64x48 px .*, not 480x360.*calibrate"):
         run(reader, tmp_path / "small.png", tmp_path / "out")
     assert not (tmp_path / "out").exists()
+    write(tmp_path / "whole.png", np.zeros_like(reader.sensor.frames[0]))
+    counts = run(reader, tmp_path, tmp_path / "out")
+    assert (counts.read, counts.lost) == (1, 1)
+    assert [line["name"] for line in lines_of(tmp_path / "out")] == ["small.png", "whole.png"]
 
 
 def test_what_is_not_there_is_refused(reader, frames, tmp_path):
@@ -487,7 +482,7 @@ def test_what_is_not_there_is_refused(reader, frames, tmp_path):
         see(str(picture), sensor, out)
     sensor.mkdir()
     write_sensor(reader.sensor, sensor)
-    with pytest.raises(UserError, match="none.png: there is no such file; name a picture"):
+    with pytest.raises(UserError, match=r"none\.png: there is no such file; name a picture"):
         see(str(tmp_path / "none.png"), sensor, out)
     with pytest.raises(UserError, match="--port 80: only a page has a port; add --live"):
         see(str(picture), sensor, out, port=80)
@@ -498,7 +493,7 @@ def test_what_is_not_there_is_refused(reader, frames, tmp_path):
     with pytest.raises(UserError, match="it does not hold an earlier result"):
         see(str(picture), sensor, out, force=True)
     (sensor / "sensor.toml").write_text("nothing = 1")
-    with pytest.raises(UserError, match="sensor.toml"):
+    with pytest.raises(UserError, match=r"sensor\.toml"):
         see(str(picture), sensor, tmp_path / "other")
 
 
