@@ -106,15 +106,17 @@ class Counts:
         self.refused += seen.reading.is_refused
         self.latencies.append(seen.latency)
 
+    @property
+    def brief(self) -> str:
+        """How many there are."""
+        return f"{self.read} frames read, {self.lost} lost, {self.refused} without joint angles"
+
     def __str__(self) -> str:
-        text = f"{self.read} frames read, {self.lost} lost, {self.refused} without joint angles"
         if self.read < 2:
-            return text
+            return self.brief
         rate = self.read / max(self.last - self.first, 1e-9)
         median, most = 1000 * np.quantile(self.latencies, [0.5, 0.95])
-        return (
-            f"{text}; {rate:.1f} frames/s, latency {median:.0f} ms (median), {most:.0f} ms (95 %)"
-        )
+        return f"{self.brief}; {rate:.1f} frames/s, latency {median:.0f} ms (median), {most:.0f} ms (95 %)"
 
 
 def see_source(name: str, sensor_folder: Path, out: Path, asked: Asked) -> int:
@@ -155,12 +157,13 @@ def see_source(name: str, sensor_folder: Path, out: Path, asked: Asked) -> int:
         session = Session(source, reader, out, asked, page)
         was_interrupted = False
         try:
-            session.follow(start, most)
-        except KeyboardInterrupt:
-            was_interrupted = True
+            try:
+                session.follow(start, most)
+            except KeyboardInterrupt:
+                was_interrupted = True
+            session.finish(sensor_folder)
         except OSError as error:
             raise cannot_write(out, error) from error
-        session.finish(sensor_folder)
         summary = f"{printable(str(out))}: {session.counts}"
         if was_interrupted and not is_live:
             raise Interrupted(summary)
@@ -270,7 +273,7 @@ class Session:
             line = self._opened().add(seen)
             self._write(seen)
             if self._page is not None:
-                self._page.show(seen, str(self.counts))
+                self._page.show(seen, self.counts.brief)
             if _is_one_picture(self._source) and not self._asked.json:
                 print("\n".join(reading_text(seen, self._reader.joints)))
         else:
