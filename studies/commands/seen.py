@@ -116,7 +116,8 @@ class Counts:
             return self.brief
         rate = self.read / max(self.last - self.first, 1e-9)
         median, most = 1000 * np.quantile(self.latencies, [0.5, 0.95])
-        return f"{self.brief}; {rate:.1f} frames/s, latency {median:.0f} ms (median), {most:.0f} ms (95 %)"
+        latency = f"latency {median:.0f} ms (median), {most:.0f} ms (95 %)"
+        return f"{self.brief}; {rate:.1f} frames/s, {latency}"
 
 
 def see_source(name: str, sensor_folder: Path, out: Path, asked: Asked) -> int:
