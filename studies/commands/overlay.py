@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Sequence
 
 import cv2
@@ -19,8 +20,8 @@ the color-blind, too."""
 
 INK, PAPER = (255, 255, 255), (0, 0, 0)
 
-LETTERS = 1 / 45
-"""Height of letters, as a part of the image's."""
+LETTERS, BREADTH = 1 / 40, 0.6
+"""Size of letters, as a part of the image's height, and the most that one is broad, of its size."""
 
 FULL = 0.5
 """A difference by which its picture is darkest or brightest; the middle is no difference."""
@@ -57,7 +58,9 @@ def draw_overlay(seen: Seen, joints: Sequence[str], pads: Sequence[str]) -> Imag
             label += f" ({view.quality.name.lower().replace('_', ' ')})"
         left, top = view.corners.min(axis=0)
         pen.write(label, (left + size / 3, top + 1.2 * size), color, round(0.8 * size))
-    for number, line in enumerate(lines_of(seen, joints)):
+    wide = round(picture.shape[1] / (BREADTH * size))
+    lines = [part for line in lines_of(seen, joints) for part in textwrap.wrap(line, wide)]
+    for number, line in enumerate(lines):
         pen.write(line, (size / 2, (1.5 + 1.4 * number) * size), INK, size)
     return picture
 

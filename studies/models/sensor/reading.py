@@ -18,6 +18,9 @@ from studies.models.sensor.sensor_folder import Sensor
 SQUARE_MM = 1.0
 """Changes are averaged over squares of this side: of a single sample, noise would be greatest."""
 
+RIM_MM = 1.5
+"""Beside a pad's edges nothing counts as a change: these are round, and known to tenths of a mm."""
+
 Image = UInt8[np.ndarray, "rows columns 3"]
 
 
@@ -39,11 +42,15 @@ class PadReading:
 
     @functools.cached_property
     def change(self) -> float:
-        """The greatest difference, the mean of its colors over 1 mm; NaN where there is none."""
+        """The greatest difference, the mean of its colors over squares, but for the pad's rim.
+
+        NaN where there is no difference, or nothing but rim.
+        """
         if self.difference is None:
             return float("nan")
-        side = round(SQUARE_MM * PER_MM)
-        return float(np.abs(cv2.blur(self.difference.mean(axis=2), (side, side))).max())
+        side, rim = round(SQUARE_MM * PER_MM), round(RIM_MM * PER_MM)
+        mean = cv2.blur(self.difference.mean(axis=2), (side, side))[rim:-rim, rim:-rim]
+        return float(np.abs(mean).max()) if mean.size else float("nan")
 
 
 @dataclass(frozen=True, eq=False)
