@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from concurrent.futures import Future
 from typing import NamedTuple
 
@@ -31,7 +31,7 @@ class Arrival(NamedTuple):
 
 def arriving(
     source: Source, start: Callable[[np.ndarray], Future[Sighting]], most: int
-) -> Iterator[Arrival]:
+) -> Generator[Arrival]:
     """All items of a source, in their order; closing the iterator closes the source.
 
     A thread asks for the next item only if fewer than ``most`` are on their way: of a live stream

@@ -68,7 +68,6 @@ class LivePage:
 
     def stay(self) -> None:
         """Return with an interrupt."""
-        print(f"{self.address} stays until Ctrl-C", flush=True)
         with suppress(KeyboardInterrupt):
             threading.Event().wait()
 
@@ -168,7 +167,7 @@ class _Handler(BaseHTTPRequestHandler):
         with suppress(OSError):  # the browser has gone
             self._answer()
 
-    def log_message(self, *_: Any) -> None:
+    def log_message(self, format: str, *args: Any) -> None:  # noqa: A002
         """Nothing."""
 
     def _answer(self) -> None:

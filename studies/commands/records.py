@@ -128,7 +128,7 @@ def document_of(seen: Seen, joints: Sequence[str]) -> dict[str, Any]:
             "chi_squared": digits(float(misfit.chi_squared), 3),
             "degrees_of_freedom": int(misfit.degrees_of_freedom),
             "rms": digits(float(misfit.rms), 4),
-            "tail": float(misfit.tail),
+            "tail": digits(float(misfit.tail), 12),
         },
         "views": [
             {

@@ -10,6 +10,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NoReturn
 
 import jax
 import numpy as np
@@ -140,6 +141,7 @@ def see_source(name: str, sensor_folder: Path, out: Path, asked: Asked) -> int:
     check_new_folder(out, force=asked.force)
     if out.exists():
         check_replaceable(out)
+    words = sys.stderr if asked.json else sys.stdout
     size = read_image_size(sensor_folder)
     source = open_source(name, size=size)
     is_live = isinstance(source, LiveStream)
@@ -150,9 +152,12 @@ def see_source(name: str, sensor_folder: Path, out: Path, asked: Asked) -> int:
         reader = Reader(read_sensor(sensor_folder))
         if page is not None:
             page.begin(reader)
-            print(f"{reader.sensor.name}: {page.address} (Ctrl-C ends it)", flush=True)
+            print(f"{reader.sensor.name}: {page.address} (Ctrl-C ends it)", file=words, flush=True)
         start, most = stack.enter_context(_detection(source, reader))
-        reader.read(reader.sensor.frames[0])  # compiles what every frame needs
+        first = reader.sensor.frames[0]
+        reading = reader.read(first)  # compiles what every frame needs
+        if asked.pads:
+            reader.read_pads(first, reading)
         if is_live:
             source = open_source(name, size=size)
         session = Session(source, reader, out, asked, page)
@@ -168,7 +173,7 @@ def see_source(name: str, sensor_folder: Path, out: Path, asked: Asked) -> int:
         summary = f"{printable(str(out))}: {session.counts}"
         if was_interrupted and not is_live:
             raise Interrupted(summary)
-        print(summary, file=sys.stderr if asked.json else sys.stdout)
+        print(summary, file=words, flush=True)
         if page is not None and not is_live:
             page.stay()
     return 0 if session.counts.read else 1
@@ -301,7 +306,7 @@ class Session:
             return True
         return False
 
-    def _refuse_other_size(self) -> None:
+    def _refuse_other_size(self) -> NoReturn:
         raise UserError(
             f"{self._source.name}: {self._other_size[0]}, as the pictures of the sensor have; set "
             "the camera's resolution to that, or calibrate a sensor with such pictures"
