@@ -134,6 +134,27 @@ def write_sensor(sensor: Sensor, folder: Path) -> None:
     )
 
 
+def read_image_size(folder: str | Path) -> tuple[int, int]:
+    """Columns and rows of the pictures of the sensor in a folder; its models are not computed.
+
+    Raises:
+        UserError: there is none, or its description is damaged.
+    """
+    return calibrated_lens(_read_document(Path(folder))[0].lens).size
+
+
+def _read_document(path: Path) -> tuple[SensorFile, Scene]:
+    if not path.is_dir():
+        raise UserError(
+            f"{path}: there is no such folder; make a sensor with 'designopt calibrate finger'"
+        )
+    tables = read_toml(path / DOCUMENT, "sensor")
+    own = {name: tables[name] for name in ("sensor", "lens", "tolerances") if name in tables}
+    rest = {name: table for name, table in tables.items() if name not in own}
+    source = str(path / DOCUMENT)
+    return validated(SensorFile, own, source), parse_scene(rest, source)
+
+
 def read_sensor(folder: str | Path) -> Sensor:
     """The sensor in a folder.
 
@@ -141,15 +162,7 @@ def read_sensor(folder: str | Path) -> Sensor:
         UserError: there is none, or one of its files is damaged or does not fit the other.
     """
     path = Path(folder)
-    if not path.is_dir():
-        raise UserError(
-            f"{folder}: there is no such folder; make a sensor with 'designopt calibrate finger'"
-        )
-    tables = read_toml(path / DOCUMENT, "sensor")
-    own = {name: tables[name] for name in ("sensor", "lens", "tolerances") if name in tables}
-    rest = {name: table for name, table in tables.items() if name not in own}
-    source = str(path / DOCUMENT)
-    file, scene = validated(SensorFile, own, source), parse_scene(rest, source)
+    file, scene = _read_document(path)
     lens, table = calibrated_lens(file.lens), file.sensor
     finger = finger_sensor(scene, lens, table.width, file.tolerances, table.gamma)
     arrays = _read_arrays(path / ARRAYS)
