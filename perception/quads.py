@@ -127,6 +127,7 @@ def fit_quad(
         >>> fit_quad(image.astype(np.float32), lens, contour[:, 0]).corners.round().tolist()
         [[30.0, 70.0], [30.0, 19.0], [89.0, 19.0], [89.0, 70.0]]
     """
+    checked_brightness(gray, lens.shape, contour)
     return fit_quads(gray, lens, [contour], lamps)[0]
 
 

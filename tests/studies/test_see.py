@@ -537,7 +537,9 @@ def test_the_command_reads_a_stream_until_it_is_interrupted(reader, frames, stre
     assert process.returncode == 0, errors
     assert "Traceback" not in errors
     assert "frames read" in errors
-    assert lines_of(out) == [*found, *map(json.loads, rest.splitlines())]
+    printed, kept = [*found, *map(json.loads, rest.splitlines())], lines_of(out)
+    assert kept[: len(printed)] == printed
+    assert len(kept) - len(printed) in (0, 1)  # the interrupt may come between the two
     write(tmp_path / "one.png", frames[0])
     again = subprocess.run(
         [*command, str(tmp_path / "one.png"), *words, "--force"],
