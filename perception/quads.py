@@ -203,11 +203,12 @@ def _settled(
     asked = {number: next(search) for number, search in searches.items()}
     found: dict[int, Quad | None] = {}
     while asked:
-        edges = find_all_edges(gray, lens, list(asked.values()), lamps)
+        outlines = list(asked.values())
+        edges = find_all_edges(gray, lens, outlines, lamps)
         lines = fit_all_lines(edges)
-        for number, *own in list(zip(asked, asked.values(), edges, lines, strict=True)):
+        for number, outline, own, through in zip(list(asked), outlines, edges, lines, strict=True):
             try:
-                asked[number] = searches[number].send(_moved(*own))
+                asked[number] = searches[number].send(_moved(outline, own, through))
             except StopIteration as end:
                 del asked[number]
                 found[number] = end.value
