@@ -41,7 +41,7 @@ from studies.models.sensor.sensor_folder import (
 )
 from studies.models.sensor.spec import MadeSpec
 
-RANGE_DEG, STEPS = 60.0, 4
+RANGE_DEG, STEPS = 60.0, 3
 """Poses that are suggested go from 0 to so many degrees where a file states no range, by so many
 values of every joint."""
 
