@@ -39,9 +39,9 @@ INNER, HEIGHTS = (0.15, 0.85), 12
 LEAST_RISE = 0.01
 """A side that rises less over its length is none."""
 
-STEPS, SETTLED = 8, 0.05
-"""Rounds of finding edges and fitting lines, at most, and by how many px the last one moves no
-corner any more."""
+STEPS, SETTLED = 5, 0.05
+"""Rounds of finding edges and fitting lines, at most, and by how many px a further one would move
+no corner any more."""
 
 FLAT = 1e-9
 """Corners that turn by less, product of two sides in the tangent plane, are none."""
@@ -233,13 +233,16 @@ def _settling(
         sides = [Side(corners[i], corners[(i + 1) % 4]) for i in range(4)]
         return Outline(plane, sides, beside)
 
-    found, places = (yield sides_of(corners)), None
+    places, moved = lens.project(plane.rays(corners)), np.inf
+    found = yield sides_of(corners)
     for _ in range(STEPS - 1):
         # A blotch, hardly there on any side, is not looked at more closely.
         if found is None or found.edges.contrast.max() < LEAST_CONTRAST:
             break
-        before, places = places, lens.project(plane.rays(found.corners))
-        if before is not None and np.abs(places - before).max() < SETTLED:
+        before, earlier, places = places, moved, lens.project(plane.rays(found.corners))
+        moved = float(np.abs(places - before).max())
+        # A round moves corners by that part of the last one by which this was shorter than its own.
+        if moved * min(moved / earlier if np.isfinite(earlier) else 1.0, 1.0) < SETTLED:
             break
         found = yield sides_of(found.corners)
     if found is None or (beside is not None and not found.edges.seam):
@@ -273,10 +276,9 @@ def first_corners(flat: Float[np.ndarray, "_ 2"]) -> Float[np.ndarray, "4 2"] | 
     low, high = flat[:, 1].min(), flat[:, 1].max()
     if not high > low:
         return None
-    following = np.roll(flat, -1, axis=0)
     heights = low + (high - low) * np.linspace(*INNER, HEIGHTS)
-    crossings = np.array([_crossings(flat, following, height) for height in heights])
-    if not np.isfinite(crossings).all():
+    crossings = _outermost(flat, heights)
+    if crossings is None:
         return None
     sides = []
     for outermost in crossings.T:
@@ -302,17 +304,20 @@ def ordered(corners: Float[np.ndarray, "4 2"]) -> Float[np.ndarray, "4 2"]:
     return np.stack([low[0], high[0], high[1], low[1]]).astype(float)
 
 
-def _crossings(
-    points: Float[np.ndarray, "_ 2"], following: Float[np.ndarray, "_ 2"], height: float
-) -> tuple[float, float]:
-    """Where a closed contour crosses a height first and last."""
-    crosses = (points[:, 1] <= height) != (following[:, 1] <= height)
-    if not crosses.any():
-        return np.nan, np.nan
-    start, end = points[crosses], following[crosses]
-    part = (height - start[:, 1]) / (end[:, 1] - start[:, 1])
+def _outermost(
+    contour: Float[np.ndarray, "_ 2"], heights: Float[np.ndarray, " heights"]
+) -> Float[np.ndarray, "heights 2"] | None:
+    """Where a closed contour crosses each of some heights first and last, if it crosses all."""
+    following = np.roll(contour, -1, axis=0)
+    below = contour[:, 1] <= heights[:, None]
+    at, starts = np.nonzero(below != np.roll(below, -1, axis=1))
+    start, end = contour[starts], following[starts]
+    part = (heights[at] - start[:, 1]) / (end[:, 1] - start[:, 1])
     across = start[:, 0] + part * (end[:, 0] - start[:, 0])
-    return float(across.min()), float(across.max())
+    found = np.tile([np.inf, -np.inf], (len(heights), 1))
+    np.minimum.at(found[:, 0], at, across)
+    np.maximum.at(found[:, 1], at, across)
+    return found if np.isfinite(found).all() else None
 
 
 class _Fitted(NamedTuple):
@@ -375,11 +380,12 @@ def _covariances(
     moved = np.concatenate([corners, corners + SMALL * RIGHT, corners + SMALL * UP])
     at, right, up = np.split(lens.project(plane.rays(moved)), 3)
     to_image = np.stack([right - at, up - at], axis=-1) / SMALL
-    found = []
-    for i in range(4):
-        normals = np.stack([sides[i - 1].outward, sides[i].outward])
-        both = zip(lines[i - 1].variances(1.0), lines[i].variances(0.0), strict=True)
-        to_plane = to_image[i] @ np.linalg.inv(normals)
-        found.append([to_plane @ np.diag(offsets) @ to_plane.T for offsets in both])
-    covariance, roughness = np.swapaxes(found, 0, 1)
+    outward = np.stack([side.outward for side in sides])
+    normals = np.stack([np.roll(outward, 1, axis=0), outward], axis=1)
+    # Of the side that ends in each corner, and of the one that begins there.
+    variances = np.array([(lines[i - 1].variances(1.0), lines[i].variances(0.0)) for i in range(4)])
+    to_plane = to_image @ np.linalg.inv(normals)
+    covariance, roughness = (
+        (to_plane * variances[:, None, :, part]) @ np.swapaxes(to_plane, 1, 2) for part in range(2)
+    )
     return covariance, roughness

@@ -161,8 +161,11 @@ class Line:
 
     def variances(self, share: float) -> tuple[float, float]:
         """Variance of that, and the part of it that is the edge's roughness."""
-        weights = np.array([1.0, share])
-        return float(weights @ self.covariance @ weights), float(weights @ self.roughness @ weights)
+        both = (self.covariance, self.roughness)
+        of_all, rough = (
+            float(one[0, 0] + share * (one[0, 1] + one[1, 0] + share * one[1, 1])) for one in both
+        )
+        return of_all, rough
 
 
 class Outline(NamedTuple):
@@ -225,7 +228,9 @@ def find_all_edges(
     reach = np.linspace(-REACH, REACH, SAMPLES)
     step = reach[1] - reach[0]
     longer = np.concatenate([reach[0] - step * np.arange(2 * NEAR, 0, -1), reach])
-    places = at[:, None] + longer[:, None] * normal[:, None]
+    # Column and row each by itself in memory, as they are sampled.
+    first, way = (one.T[..., None].astype(np.float32) for one in (at, normal))
+    places = np.moveaxis(first + longer.astype(np.float32) * way, 0, -1)
     long = cv2.blur(sampled(gray, places), (3, 1), borderType=cv2.BORDER_REPLICATE)
     profile = long[:, 2 * NEAR :]
     shape = (len(sides), POINTS)
@@ -430,13 +435,15 @@ def _lines(edges: Edges) -> list[Line]:
     if not found.any():
         return [unknown] * len(found)
     medians = _Medians(found)
-    design = np.stack([edges.scale, edges.scale * edges.shares], axis=-1)
-    left = offsets - np.sum(design * _repeated_medians(edges)[:, None], axis=-1)
-    solution, normal, weights = _weighted(design, offsets, left, medians.deviation(left), found)
-    for _ in range(ROUNDS - 1):
-        left = offsets - (design @ solution)[..., 0]
-        solution, normal, weights = _weighted(design, offsets, left, medians.deviation(left), found)
-    left = offsets - (design @ solution)[..., 0]
+    design = np.stack([edges.scale, edges.scale * edges.shares])
+    products = np.stack([design[0] ** 2, design[0] * design[1], design[1] ** 2, *design * offsets])
+    solution = _repeated_medians(edges)
+    for _ in range(ROUNDS):
+        left = offsets - np.einsum("isp,si->sp", design, solution)
+        far = left / (TUKEY * medians.deviation(left))
+        weights = np.where(found, np.maximum(1 - far**2, 0) ** 2, 0.0)
+        solution, normal = _weighted(products, weights)
+    left = offsets - np.einsum("isp,si->sp", design, solution)
     deviation = medians.deviation(left)
     bend = _bends(left, deviation[:, 0], found)
     variance = np.sum(weights * left**2, axis=1) / np.maximum(np.sum(weights, axis=1) - 2, 1)
@@ -457,8 +464,8 @@ def _lines(edges: Edges) -> list[Line]:
     covariance[:, 1, 1] += last
     return [
         Line(
-            offset=float(line[0, 0]),
-            turn=float(line[1, 0]),
+            offset=float(line[0]),
+            turn=float(line[1]),
             covariance=covariance[i],
             roughness=roughness[i],
             scatter=float(np.sqrt(variance[i])),
@@ -490,21 +497,23 @@ def _bends(
 
 
 def _weighted(
-    design: Float[np.ndarray, "sides places 2"],
-    wanted: Float[np.ndarray, "sides places"],
-    left: Float[np.ndarray, "sides places"],
-    deviation: Float[np.ndarray, "sides 1"],
-    found: Bool[np.ndarray, "sides places"],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Least squares weighted by how small residuals were; with its normal matrix and weights."""
-    far = left / (TUKEY * deviation)
-    weights = np.where(found, np.maximum(1 - far**2, 0) ** 2, 0.0)
-    weighted = design * weights[..., None]
-    normal = np.einsum("spi,spj->sij", weighted, design)
+    products: Float[np.ndarray, "5 sides places"], weights: Float[np.ndarray, "sides places"]
+) -> tuple[Float[np.ndarray, "sides 2"], Float[np.ndarray, "sides 2 2"]]:
+    """Weighted least squares of two unknowns, and their normal matrix.
+
+    Args:
+        products: of the unknowns' factors: both of the first, one of each, both of the second, and
+            of each with what is wanted.
+        weights: of every place's residual.
+    """
+    first, mixed, second, *wanted = np.einsum("isp,sp->is", products, weights)
     # Where all weight lies in one place, the side keeps its direction.
-    normal += (1e-12 * np.trace(normal, axis1=1, axis2=2) + 1e-30)[:, None, None] * np.eye(2)
-    solution = np.linalg.solve(normal, np.einsum("spi,sp->si", weighted, wanted)[..., None])
-    return solution, normal, weights
+    least = 1e-12 * (first + second) + 1e-30
+    first, second = first + least, second + least
+    determinant = first * second - mixed**2
+    solution = second * wanted[0] - mixed * wanted[1], first * wanted[1] - mixed * wanted[0]
+    normal = np.stack([first, mixed, mixed, second], axis=-1).reshape(-1, 2, 2)
+    return np.stack(solution, axis=-1) / determinant[:, None], normal
 
 
 def _repeated_medians(edges: Edges) -> Float[np.ndarray, "sides 2"]:

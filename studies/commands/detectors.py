@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import multiprocessing
 import os
 import pickle
@@ -87,11 +88,7 @@ def _begin(about: bytes, environment: dict[str, str]) -> None:
         imaging, response, catalog = pickle.loads(about)
         lens = replace(lens_of(imaging), response=response)
 
-    def detect(image: np.ndarray) -> Sighting:
-        with jax.enable_x64(True):
-            return detect_views(image, lens, catalog)
-
-    _detect = detect
+    _detect = functools.partial(detect_views, lens=lens, catalog=catalog)
 
 
 def _found(image: np.ndarray) -> Sighting:
