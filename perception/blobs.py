@@ -44,9 +44,6 @@ ratio."""
 MOST = 64
 """Blobs of one threshold that are looked at; an image with more shows no finger."""
 
-NOWHERE = (0, 0, 0, 0)
-"""What OpenCV has for the rectangle around nothing."""
-
 LIKE = 0.02
 """A part that is smaller than this share of a blob falling apart is a chip, not a part."""
 
@@ -73,16 +70,22 @@ class _Node:
 def stable_blobs(gray: Gray) -> list[Blob]:
     """The blobs of an image, each at its most stable threshold; none overlaps another."""
     smooth = cv2.blur(gray, (3, 3))
-    seams = seam_mask(smooth, max(3, round(SEAM * len(gray) / 1080) | 1), SHARE)
+    levels = _levels(smooth)
+    size = max(3, round(SEAM * len(gray) / 1080) | 1)
+    # What is dark all about takes as long as what is not. A seam's mask reaches so far at most.
+    columns, rows = _bright_part(smooth, levels, 3 * size)
+    smooth, corner = smooth[rows, columns], (columns.start, rows.start)
+    if not smooth.size:
+        return []
+    seams = seam_mask(smooth, size, SHARE)
     # Opened once, before it is parted by thresholds: flat morphology commutes with them.
     square = cv2.getStructuringElement(cv2.MORPH_RECT, (3, 3))
     opened = cv2.morphologyEx(cv2.subtract(smooth, seams), cv2.MORPH_OPEN, square)
     roots: list[_Node] = []
     previous: list[_Node] = []
-    levels = _levels(smooth)
-    bright = cv2.boundingRect(global_mask(opened, levels[0])) if levels else NOWHERE
-    for level in levels if any(bright) else []:
-        nodes = [_Node(blob) for blob in _blobs(opened, level, bright)]
+    least = LEAST_AREA * gray.size
+    for level in levels:
+        nodes = [_Node(blob) for blob in _blobs(opened, level, corner, least)]
         for node in nodes:
             parent = next((other for other in previous if _holds(other.blob, node.blob)), None)
             (roots if parent is None else parent.children).append(node)
@@ -146,14 +149,29 @@ def _median(values: Int[np.ndarray, " bins"], counts: Int[np.ndarray, " bins"]) 
     return int(values[order[np.searchsorted(reached, reached[-1] / 2)]])
 
 
-def _blobs(gray: Gray, level: float, within: Sequence[int]) -> list[Blob]:
-    """What is brighter than a level, all of it within a rectangle."""
-    left, top, width, height = within
-    mask = global_mask(gray[top : top + height, left : left + width], level)
-    contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE, offset=(left, top))[
-        0
-    ]
-    least = LEAST_AREA * gray.size
+def _bright_part(gray: Gray, levels: Sequence[float], margin: int) -> tuple[slice, slice]:
+    """Columns and rows of what is brighter than the first of some levels, and of what is near."""
+    bright = global_mask(gray, levels[0]) if levels else np.zeros((1, 1), np.uint8)
+    left, top, width, height = cv2.boundingRect(bright)
+    sizes = zip((left, top), (width, height), strict=True)
+    columns, rows = (
+        slice(max(first - margin, 0), first + size + margin) if size else slice(0, 0)
+        for first, size in sizes
+    )
+    return columns, rows
+
+
+def _blobs(gray: Gray, level: float, corner: tuple[int, int], least: float) -> list[Blob]:
+    """What is brighter than a level in a part of an image.
+
+    Args:
+        gray: the part.
+        level: the threshold.
+        corner: column and row of its first pixel.
+        least: area of a blob that is no speck, px².
+    """
+    mask = global_mask(gray, level)
+    contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE, offset=corner)[0]
     # The circle has the shortest outline around an area: most specks need no closer look.
     outlines = [c.reshape(-1, 2) for c in contours if len(c) ** 2 >= 4 * least]
     areas = map(cv2.contourArea, outlines)

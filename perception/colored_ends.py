@@ -69,7 +69,7 @@ def find_colors_apart(
         normal = np.array([-across[1], across[0]]) / np.hypot(*across)
         outward = normal * np.sign((places - others).mean(axis=0) @ normal)
         light = sampled(picture, places[:, None] + along[:, None] * outward)
-        profiles = np.median(light.astype(float), axis=0)
+        profiles = np.sort(light, axis=0)[PLACES // 2 - 1 : PLACES // 2 + 1].mean(axis=0)
         inside = np.median(profiles[: inward // 3], axis=0)
         outside = profiles[along > 0].min(axis=0)
         below = profiles < (inside + outside) / 2

@@ -35,16 +35,15 @@ def measured_length(quad: Quad, width: float, lens: Lens) -> tuple[float, float]
         width: of the pad across the section, mm.
         lens: of the camera.
     """
-    base, variance = apparent_length(quad.rays, width), 0.0
-    unmoved = lens.rays(quad.corners)
-    for axis, step in enumerate(STEP * np.eye(2)):
-        steps = lens.rays(quad.corners + step) - unmoved
-        for i in range(4):
-            changed = quad.rays.copy()
-            changed[i] += steps[i]
-            slope = (apparent_length(changed, width) - base) / STEP
-            variance += slope**2 * (quad.covariance[i, axis, axis] + LEAST_DEVIATION**2)
-    return base, float(np.sqrt(variance))
+    places = quad.corners + STEP * np.array([[[0, 0]], [[1, 0]], [[0, 1]]])
+    unmoved, *moved = lens.rays(places.reshape(-1, 2)).reshape(places.shape)
+    # Every corner by itself is moved along the columns, and along the rows.
+    changed = np.tile(quad.rays, (2, 4, 1, 1))
+    changed[:, range(4), range(4)] += np.stack(moved) - unmoved
+    length = apparent_length(quad.rays, width)
+    slopes = (apparent_length(changed, width) - length) / STEP
+    variances = np.diagonal(quad.covariance, axis1=1, axis2=2).T + LEAST_DEVIATION**2
+    return float(length), float(np.sqrt(np.sum(slopes**2 * variances)))
 
 
 def measured_grazing(quad: Quad, width: float) -> float:
@@ -116,17 +115,17 @@ def shortened(
     return replace(quad, rays=rays, corners=corners, covariance=covariance, roughness=roughness)
 
 
-def _ends(rays: Float[np.ndarray, "4 2"], width: float) -> Float[np.ndarray, "2 2"]:
+def _ends(rays: Float[np.ndarray, "*batch 4 2"], width: float) -> Float[np.ndarray, "*batch 2 2"]:
     """Both ends in the camera's own axes (forward, up), mm."""
-    found = []
-    for left, right in ENDS:
-        angle = (rays[left, 0] + rays[right, 0]) / 2
-        distance = width / max(rays[right, 1] - rays[left, 1], 1e-9)
-        found.append([distance * np.cos(angle), distance * np.sin(angle)])
-    return np.array(found)
+    left, right = (rays[..., list(corners), :] for corners in zip(*ENDS, strict=True))
+    angles = (left[..., 0] + right[..., 0]) / 2
+    distances = width / np.maximum(right[..., 1] - left[..., 1], 1e-9)
+    return distances[..., None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 
-def apparent_length(rays: Float[np.ndarray, "4 2"], width: float) -> float:
+def apparent_length(
+    rays: Float[np.ndarray, "*batch 4 2"], width: float
+) -> Float[np.ndarray, "*batch"]:
     """Length of a bare pad whose corners, in the order of a `Quad` or of a pad, have these rays."""
     ends = _ends(rays, width)
-    return float(np.hypot(*(ends[1] - ends[0])))
+    return np.asarray(np.hypot(*np.moveaxis(ends[..., 1, :] - ends[..., 0, :], -1, 0)))

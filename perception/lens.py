@@ -85,10 +85,11 @@ class TangentPlane:
     Its coordinates are across the section and along it (up). A view lies within 90° of its middle.
 
     Attributes:
-        angle: section angle of the point that it touches, rad.
+        angle: section angle of the point that it touches, rad; of every ray its own, where many
+            planes are worked on at once.
     """
 
-    angle: float
+    angle: float | Float[np.ndarray, " _"]
 
     def flat(self, rays: Rays) -> Float[np.ndarray, "_ 2"]:
         """Places of rays in the plane."""

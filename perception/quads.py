@@ -200,6 +200,7 @@ def _settled(
     lamps: Mask | None,
 ) -> dict[int, Quad | None]:
     """The views that searches end with; what they ask for is found for all of them together."""
+    lamps = lamps if lamps is not None and lamps.any() else None
     asked = {number: next(search) for number, search in searches.items()}
     found: dict[int, Quad | None] = {}
     while asked:

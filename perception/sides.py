@@ -182,6 +182,41 @@ class Outline(NamedTuple):
     adjoining: int | None = None
 
 
+class _Sides(NamedTuple):
+    """The sides of several views, all arrays; places are those of one view after the other."""
+
+    start: Float[np.ndarray, "views sides 2"]
+    end: Float[np.ndarray, "views sides 2"]
+    outward: Float[np.ndarray, "views sides 2"]
+
+    def places(self, shares: Float[np.ndarray, " points"]) -> Float[np.ndarray, "places 2"]:
+        """As `Side.places`, of one side after the other."""
+        ways = shares[:, None] * (self.end - self.start)[:, :, None]
+        return (self.start[:, :, None] + ways).reshape(-1, 2)
+
+    def along_normals(
+        self, vectors: Float[np.ndarray, "places 2"]
+    ) -> Float[np.ndarray, "views sides places_of_a_view"]:
+        """Products of vectors with the normals of all sides of their view."""
+        of_views = vectors.reshape(len(self.start), -1, 2)
+        return self.outward @ np.swapaxes(of_views, 1, 2)
+
+    def beyond(
+        self, places: Float[np.ndarray, "places 2"]
+    ) -> Float[np.ndarray, "views sides places_of_a_view"]:
+        """How far outward places are from all sides of their view, tangent plane."""
+        return self.along_normals(places) - np.sum(self.start * self.outward, -1)[..., None]
+
+    def depths(
+        self, places: Float[np.ndarray, "places 2"], outward: Float[np.ndarray, "places 2"]
+    ) -> Float[np.ndarray, " places"]:
+        """How far it is inward from places on the sides to another side, tangent plane."""
+        toward = self.along_normals(outward)
+        ahead = toward < -1e-9
+        depths = np.where(ahead, self.beyond(places) / np.where(ahead, toward, 1.0), np.inf)
+        return depths.min(axis=1).ravel()
+
+
 def find_edges(
     gray: Float[np.ndarray, "rows columns"],
     lens: Lens,
@@ -213,16 +248,15 @@ def find_all_edges(
 ) -> list[Edges]:
     """As `find_edges`, of several views at once, which takes half of the time."""
     shares = np.linspace(TRIMMED, 1 - TRIMMED, POINTS)
-    sides = [side for outline in outlines for side in outline.sides]
-    views, each = len(outlines), len(sides) // len(outlines)
-    flat = np.concatenate([side.places(shares) for side in sides])
-    outward = np.repeat([side.outward for side in sides], POINTS, axis=0)
-    at, beside = (np.empty_like(flat) for _ in range(2))
-    parts = [slice(each * POINTS * i, each * POINTS * (i + 1)) for i in range(views)]
-    for (plane, _, _), part in zip(outlines, parts, strict=True):
-        moved = flat[part] + SMALL * outward[part]
-        both = lens.project(plane.rays(np.concatenate([flat[part], moved])))
-        at[part], beside[part] = both[: each * POINTS], both[each * POINTS :]
+    views, each = len(outlines), len(outlines[0].sides)
+    shape = (views * each, POINTS)
+    sides = _Sides(
+        *np.moveaxis([[(s.start, s.end, s.outward) for s in one.sides] for one in outlines], 2, 0)
+    )
+    flat, outward = sides.places(shares), np.repeat(sides.outward.reshape(-1, 2), POINTS, axis=0)
+    middles = np.repeat([outline.plane.angle for outline in outlines], each * POINTS)
+    both = np.concatenate([flat, flat + SMALL * outward])
+    at, beside = np.split(lens.project(TangentPlane(np.tile(middles, 2)).rays(both)), 2)
     scale = np.maximum(np.hypot(*(beside - at).T) / SMALL, 1e-9)
     normal = (beside - at) / (SMALL * scale[:, None])
     reach = np.linspace(-REACH, REACH, SAMPLES)
@@ -233,7 +267,6 @@ def find_all_edges(
     places = np.moveaxis(first + longer.astype(np.float32) * way, 0, -1)
     long = cv2.blur(sampled(gray, places), (3, 1), borderType=cv2.BORDER_REPLICATE)
     profile = long[:, 2 * NEAR :]
-    shape = (len(sides), POINTS)
     # A narrow view may end again within reach: the brightest quarter is surely inside.
     inner = profile[:, : SAMPLES // 2 + 1]
     inside = _brighter(inner)
@@ -249,11 +282,7 @@ def find_all_edges(
         # A lamp along the section may be seen too thin to be clipped.
         along = np.repeat(np.tile(np.arange(each) % 2 == 0, views) & in_view, POINTS)
         toward = lamp | (along | seam)[:, None]
-        depths = [
-            _depths(outline.sides, flat[part], outward[part])
-            for outline, part in zip(outlines, parts, strict=True)
-        ]
-        rise = _rises(long, lens, toward, seam, np.concatenate(depths) * scale)
+        rise = _rises(long, lens, toward, seam, sides.depths(flat, outward) * scale)
         lit = np.repeat((rise < SAMPLES).reshape(shape).mean(axis=1) > LIT, POINTS)
         profile[lit], inside[lit], outside[lit], glow[lit] = _before_lamps(
             profile[lit], lens, rise[lit]
@@ -272,27 +301,24 @@ def find_all_edges(
     # Where a view is too thin, as at its acute corners, another side's edge is in the way.
     thick = np.repeat(FEET * width + REACH * (1 - BRIGHTER), POINTS)
     inward = flat - (thick / scale)[:, None] * outward
-    beyond = [
-        np.stack([(inward[part] - side.start) @ side.outward for side in outline.sides])
-        for outline, part in zip(outlines, parts, strict=True)
-    ]
-    clear = (np.concatenate(beyond, axis=1) < 0).all(axis=0)
+    clear = (sides.beyond(inward) < 0).all(axis=1).ravel()
     # Noise and steps of rounding are of much the same size in codes, bright or dark.
     height = lens.codes(inside) - lens.codes(outside)
     there = (found & clear & (height >= LEAST_CONTRAST)).reshape(shape)
-    by_side = np.median(np.where(lit, inside, outside).reshape(shape), axis=1)
+    whole = _Medians(np.ones(shape, bool))
+    by_side = whole.of(np.where(lit, inside, outside).reshape(shape))
     dark = np.repeat(by_side.reshape(views, each).min(axis=1), each * POINTS)
     depth = contrast / np.maximum(inside - dark.astype(inside.dtype), 1.0)
     medians = _Medians(there)
     deep = medians.of(depth.reshape(shape))
     doubt = SEAM * np.maximum(DEEP - deep, 0.0)
     # Blur is much the same on all sides: a wider edge is a gradient of light, its half no edge.
-    usual = np.repeat(np.median(width.reshape(views, each), axis=1), each)
+    usual = np.repeat(_Medians(np.ones((views, each), bool)).of(width.reshape(views, each)), each)
     doubt = np.hypot(doubt, GRADUAL * np.maximum(width - WIDER * usual, 0.0))
     by_lamps = np.asarray(lit.reshape(shape)[:, 0])
     doubt = np.where(by_lamps, medians.of(glow.reshape(shape)), doubt)
     heights = height.reshape(shape)
-    contrasts = np.where(there.any(axis=1), medians.of(heights), np.median(heights, axis=1))
+    contrasts = np.where(there.any(axis=1), medians.of(heights), whole.of(heights))
     offsets, scales = (middle / scale).reshape(shape), scale.reshape(shape)
     clearness, seams = clear.reshape(shape).mean(axis=1), seam[::POINTS]
     return [
@@ -318,18 +344,6 @@ def _brighter(inner: Float[np.ndarray, "places samples"]) -> Float[np.ndarray, "
     at = int(below)
     ordered = np.partition(inner, (at, at + 1), axis=1)
     return ordered[:, at + 1] - (1 - part) * (ordered[:, at + 1] - ordered[:, at])
-
-
-def _depths(
-    sides: list[Side],
-    places: Float[np.ndarray, "places 2"],
-    outward: Float[np.ndarray, "places 2"],
-) -> Float[np.ndarray, " places"]:
-    """How far it is inward from places on the sides to another side, tangent plane."""
-    off = np.stack([(side.start - places) @ side.outward for side in sides])
-    toward = np.stack([-outward @ side.outward for side in sides])
-    ahead = toward > 1e-9
-    return np.where(ahead, off / np.where(ahead, toward, 1.0), np.inf).min(axis=0)
 
 
 def _rises(

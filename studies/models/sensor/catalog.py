@@ -163,9 +163,7 @@ def _extent(
     rays: Float[np.ndarray, "fingers values 4 2"], width: float
 ) -> Float[np.ndarray, "values 2"]:
     """Apparent length of a pad in its views, and its standard deviation over fingers, mm."""
-    lengths = np.reshape(
-        [apparent_length(one, width) for one in rays.reshape(-1, 4, 2)], rays.shape[:2]
-    )
+    lengths = apparent_length(rays, width)
     return np.stack([lengths[0], np.std(lengths[1:], axis=0)], axis=-1)
 
 
