@@ -16,7 +16,7 @@ from perception.images import checked_image
 from perception.lens import Lens
 from perception.masks import Gray, Mask, brightness, lamp_mask, without_lamps
 from perception.matching import Sighting, ViewCatalog, match_views
-from perception.quads import Quad, fit_quads, follow_quad
+from perception.quads import Quad, fit_quads, follow_quads
 from perception.quality import Quality
 
 CHANNEL = 1
@@ -101,14 +101,10 @@ class _Light(NamedTuple):
         return sorted(quads, key=lambda quad: float(quad.corners[:, 1].mean()))
 
     def follow(
-        self, lens: Lens, corners: Float[np.ndarray, "4 2"], beside: int | None
-    ) -> Quad | None:
-        """The quadrilateral whose corners are expected at given places, as `follow_quad`."""
-
-        def follow(light: Light, lens: Lens, about: Sequence[np.ndarray], lamps: Mask) -> Fits:
-            return [follow_quad(light, lens, one, lamps, beside) for one in about]
-
-        return self.fit(lens, follow, [corners])[0]
+        self, lens: Lens, expected: Sequence[Float[np.ndarray, "4 2"]], beside: int | None
+    ) -> Fits:
+        """The quadrilaterals whose corners are expected at given places, as `follow_quads`."""
+        return self.fit(lens, partial(follow_quads, beside=beside), expected)
 
     def fit(self, lens: Lens, fit: Fit, about: Sequence[np.ndarray]) -> Fits:
         """Quadrilaterals fitted in green where this is bright enough, else in the brightest color.

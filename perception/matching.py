@@ -57,7 +57,7 @@ NEIGHBOR = 20.0
 LONGER = 0.15
 """A view that is longer by no more than this share has run into what is beside it."""
 
-Follow = Callable[[Float[np.ndarray, "4 2"], int | None], Quad | None]
+Follow = Callable[[Sequence[Float[np.ndarray, "4 2"]], int | None], list[Quad | None]]
 """The quadrilateral whose corners are expected at given places; with a seam at an end, or not."""
 
 FOUND = (Quality.COMPLETE, Quality.CLIPPED)
@@ -206,10 +206,10 @@ def match_views(
         quads: what was found in an image.
         catalog: what the finger can show.
         lens: of the camera.
-        follow: the quadrilateral in the image whose corners are expected at given places, if there
-            is one: a view that something bright beside it has spoiled is looked for again there,
-            and the seam to another view at an end of it (`perception.quads.follow_quad`). Without
-            it none is.
+        follow: the quadrilaterals in the image whose corners are expected at given places, where
+            there is one: a view that something bright beside it has spoiled is looked for again
+            there, and the seam to another view at an end of it (`perception.quads.follow_quads`).
+            Without it none is.
 
     Example:
         >>> rows, columns = np.mgrid[:90, :120]
@@ -364,14 +364,16 @@ class _Search(NamedTuple):
             start: the places.
             beside: its end (0 the lower) that must have a seam to another view, if one must.
         """
-        quad = self.at(start, beside)
+        (quad,) = self.at([start], beside)
         return quad if quad is not None and self.is_sure(index, value, quad) else None
 
-    def at(self, start: Float[np.ndarray, "4 2"], beside: int | None = None) -> Quad | None:
-        """What `follow` finds at given places, if they are in the image at all."""
-        if self.follow is None or not np.isfinite(start).all():
-            return None
-        return self.follow(start, beside)
+    def at(
+        self, starts: Sequence[Float[np.ndarray, "4 2"]], beside: int | None = None
+    ) -> list[Quad | None]:
+        """What `follow` finds at given places of one view, if they are in the image at all."""
+        if self.follow is None or not np.isfinite(starts).all():
+            return [None] * len(starts)
+        return self.follow(starts, beside)
 
     def is_sure(self, index: int, value: int, quad: Quad) -> bool:
         """Whether its length shows that what was looked for where a view is expected is it."""
@@ -415,13 +417,13 @@ class _Search(NamedTuple):
         if judged is quad:
             return quad
         # At both ends it may have run into something: at both at once, and one after the other.
-        found = [self.at(start) for start in (*starts, (starts[0] + starts[1]) / 2)]
+        found = self.at([*starts, (starts[0] + starts[1]) / 2])
         for one in found[:2]:
             if one is None or self.length(one) >= self.length(quad):
                 continue
             if self.judged(index, value, one).quality is Quality.MERGED:
                 again = (shortened(one, catalog.width, extent, lens, kept) for kept in range(2))
-                found += [self.at(other.corners) for other in again]
+                found += self.at([other.corners for other in again])
         return self.likeliest(index, value, found) or quad
 
     def length(self, quad: Quad) -> float:
@@ -464,7 +466,7 @@ class _Search(NamedTuple):
         expected = partial(_expected, self.catalog.families[index], 0)
         for columns in ([0.0], [-STEP, STEP]):
             shifts = np.array([(column, row) for column in columns for row in rows])
-            if quad := self.likeliest(index, 0, map(self.at, map(expected, shifts))):
+            if quad := self.likeliest(index, 0, self.at([expected(shift) for shift in shifts])):
                 return quad
         return None
 

@@ -152,19 +152,19 @@ def fit_quads(
     return found
 
 
-def follow_quad(
+def follow_quads(
     gray: Float[np.ndarray, "rows columns"],
     lens: Lens,
-    corners: Float[np.ndarray, "4 2"],
+    expected: Sequence[Float[np.ndarray, "4 2"]],
     lamps: Mask | None = None,
     beside: int | None = None,
-) -> Quad | None:
-    """The view whose corners are expected at given places; as `fit_quad` otherwise.
+) -> list[Quad | None]:
+    """The views whose corners are expected at given places; as `fit_quads` otherwise.
 
     Args:
         gray: light, float32.
         lens: of the camera.
-        corners: in the order of `Quad`.
+        expected: corners of each, in the order of `Quad`.
         lamps: where lamps are in view, if any are.
         beside: the end (0 the lower, 1 the upper) that adjoins another view: where light does not
             rise to that, none is returned.
@@ -178,19 +178,24 @@ def follow_quad(
         ... )
         >>> image = cv2.rectangle(np.zeros((90, 120), np.uint8), (30, 20), (89, 69), 200, -1)
         >>> expected = np.array([[32.0, 68.0], [28.0, 22.0], [91.0, 21.0], [88.0, 72.0]])
-        >>> follow_quad(image.astype(np.float32), lens, expected).corners.round(1).tolist()
+        >>> (quad,) = follow_quads(image.astype(np.float32), lens, [expected])
+        >>> quad.corners.round(1).tolist()
         [[29.7, 69.5], [29.7, 19.5], [89.3, 19.5], [89.3, 69.5]]
     """
-    rays = lens.rays(corners)
-    plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
-    flat = plane.flat(rays)
-    if not _is_convex(flat):
-        return None
-    outline = np.clip(np.round(corners).astype(int), 0, np.array(gray.shape[::-1]) - 1)
-    checked_brightness(gray, lens.shape, outline)
+    found: list[Quad | None] = [None] * len(expected)
     side = None if beside is None else ENDS_OF_SIDES.index(beside)
-    search = _settling(lens, plane, flat, outline, gray.shape, side)
-    return _settled(gray, lens, {0: search}, lamps)[0]
+    searches = {}
+    for number, corners in enumerate(expected):
+        rays = lens.rays(corners)
+        plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
+        flat = plane.flat(rays)
+        if _is_convex(flat):
+            outline = np.clip(np.round(corners).astype(int), 0, np.array(gray.shape[::-1]) - 1)
+            checked_brightness(gray, lens.shape, outline)
+            searches[number] = _settling(lens, plane, flat, outline, gray.shape, side)
+    for number, quad in _settled(gray, lens, searches, lamps).items():
+        found[number] = quad
+    return found
 
 
 def _settled(

@@ -288,9 +288,9 @@ def test_beside_another_view_the_seam_ends_a_view_unless_it_ends_before(share, e
     corners, seam = still_of_length(share, kept=1 - end), still_of_length(1.0, kept=1 - end)
     asked = []
 
-    def follow(start, beside):
+    def follow(starts, beside):
         asked.append(beside)
-        return quad_of(seam) if beside == end else None
+        return [quad_of(seam) if beside == end else None for _ in starts]
 
     sighting = match_views([quad_of(corners)], beside_at(end, corners), LENS, follow)
     view = found_in(sighting, *VIEWS[ALONE])
@@ -304,9 +304,8 @@ def test_a_view_that_has_run_into_something_at_both_ends_is_looked_for_between()
     corners, pad = still_of_length(1.0), still_of_length(1.0)
     corners[:, 1] += np.where(corners[:, 1] > pad[:, 1].mean(), 12.0, -12.0)
 
-    def follow(start, _):
-        off = np.abs(start - pad).max()
-        return quad_of(pad if off < 8 else corners)
+    def follow(starts, _):
+        return [quad_of(pad if np.abs(one - pad).max() < 8 else corners) for one in starts]
 
     sighting = match_views([quad_of(corners)], KNOWN, LENS)
     assert found_in(sighting, *VIEWS[ALONE]).quality is Quality.MERGED
@@ -319,8 +318,8 @@ def test_a_view_that_has_run_into_something_at_both_ends_is_looked_for_between()
 def test_what_stays_is_looked_for_where_a_camera_out_of_place_has_it(aside):
     pad = still_of_length(1.0) + np.array([aside, 6.0])
 
-    def follow(start, _):
-        return quad_of(pad) if np.abs(start - pad).max() < 8 else None
+    def follow(starts, _):
+        return [quad_of(pad) if np.abs(one - pad).max() < 8 else None for one in starts]
 
     view = found_in(match_views([], KNOWN, LENS, follow), *VIEWS[ALONE])
     assert view.quality is Quality.COMPLETE
@@ -333,9 +332,10 @@ def test_of_views_from_several_starts_the_one_as_long_as_the_pad_counts():
     long = quad_of(still_of_length(1.03), deviation=1.0)
     long = dataclasses.replace(long, contrast=200.0)
 
-    def follow(start, _):
+    def follow(starts, _):
         # From one of the two ends, and from the other.
-        return long if start[:, 1].max() > pad[:, 1].max() + 3 else quad_of(pad)
+        beyond = [one[:, 1].max() > pad[:, 1].max() + 3 for one in starts]
+        return [long if is_beyond else quad_of(pad) for is_beyond in beyond]
 
     view = found_in(match_views([quad_of(corners)], KNOWN, LENS, follow), *VIEWS[ALONE])
     np.testing.assert_allclose(view.corners, pad, atol=1e-6)

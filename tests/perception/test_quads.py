@@ -17,7 +17,7 @@ from perception.quads import (
     first_corners,
     fit_quad,
     fit_quads,
-    follow_quad,
+    follow_quads,
     ordered,
 )
 from perception.quality import Quality
@@ -267,7 +267,7 @@ def run_into_another(end: int, gap: float, brighter: float) -> tuple[np.ndarray,
 @pytest.mark.parametrize(("gap", "brighter"), [(0.0, 1.2), (0.0, 1.8), (0.2, 1.2), (1.0, 1.0)])
 def test_a_view_that_has_run_into_a_brighter_one_ends_at_the_seam(end, gap, brighter):
     gray, both = run_into_another(end, gap, brighter)
-    quad = follow_quad(gray, LENS, both, beside=end)
+    (quad,) = follow_quads(gray, LENS, [both], beside=end)
     assert quad is not None
     assert quad.quality is Quality.COMPLETE
     off = quad.corners - WIDE.places(PADS["before"].corners())
@@ -280,8 +280,8 @@ def test_a_view_that_has_run_into_a_brighter_one_ends_at_the_seam(end, gap, brig
 def test_where_light_does_not_rise_to_another_view_there_is_no_seam(end):
     pad = PADS["before"]
     gray = stored(light_of(pad), 2.0).astype(np.float32)
-    assert follow_quad(gray, LENS, WIDE.places(pad.corners())) is not None
-    assert follow_quad(gray, LENS, WIDE.places(pad.corners()), beside=end) is None
+    assert follow_quads(gray, LENS, [WIDE.places(pad.corners())]) != [None]
+    assert follow_quads(gray, LENS, [WIDE.places(pad.corners())], beside=end) == [None]
 
 
 def test_quadrilaterals_together_are_those_of_each_by_itself():
