@@ -126,6 +126,12 @@ class Change:
             self._noise[cells] = max(float(deviation), 1e-6)
         return self._noise[cells]
 
+    def pixel_at(self, along: float, across: float) -> float:
+        """Side of a pixel on the pad, mm."""
+        row = int(np.clip(along / CELL, 0, self.pixels.shape[0] - 1))
+        column = int(np.clip((across + self.width / 2) / CELL, 0, self.pixels.shape[1] - 1))
+        return math.sqrt(np.prod(self.pixels[row, column]))
+
     def at(self, values: np.ndarray, along: Places, across: Places) -> np.ndarray:
         """Values of cells at places of the pad, interpolated linearly; shape (places, channels)."""
         columns = np.atleast_2d((across + self.width / 2) / CELL - 0.5).astype(np.float32)

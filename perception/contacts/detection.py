@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from perception.contacts.change import CELL, Change, block_means
+from perception.contacts.lamps import Lamps
 
 SCALES = np.array([0.5, 0.7, 1.0, 1.4, 2.0, 2.8])
 """Standard deviations, mm; a contact's radius is about as large as the one that fits it."""
@@ -50,27 +51,27 @@ class Candidate(NamedTuple):
     strength: float
 
 
-def find_candidates(change: Change, toward: Float[np.ndarray, "3 2"]) -> list[Candidate]:
+def find_candidates(change: Change, lamps: Lamps) -> list[Candidate]:
     """What may be contacts, the strongest first.
 
     Args:
         change: of the light of a pad.
-        toward: directions along and across the pad to the lamp of each color; zeros for even light.
+        lamps: that light the pad.
     """
     means = block_means(change.part / change.noisiness, COARSE)
     inner = block_means(change.inner.astype(np.float32), COARSE) > 0.99
     means = np.where(inner[..., None], means - np.median(means, axis=(0, 1)), 0)
     step = COARSE * CELL
-    even = not toward.any()
+    middle = np.array([change.length / 2, 0])
+    toward = np.array([np.zeros(2) if one is None else one.toward(middle) for one in lamps])
+    even = not any(lamps)
     ratio = 1.0 if even else LIT_RADIUS
     blobs = _even_blobs if even else _lit_blobs
     found = np.stack([blobs(means, scale / step, toward) for scale in SCALES])
     levels = QUARTER * np.quantile(np.abs(found[:, inner]), 0.25, axis=1)
     # At small scales what is pressed in spoils few places only.
     noise = np.minimum(levels, levels[0] * (SCALES[0] / SCALES) ** GROWTH) + 1e-9
-    near = np.stack([cv2.dilate(one, np.ones((5, 5))) for one in found])
-    beside = np.pad(near, ((1, 1), (0, 0), (0, 0)), constant_values=-np.inf)
-    highest = np.maximum(near, np.maximum(beside[:-2], beside[2:]))
+    highest = np.stack([cv2.dilate(one, np.ones((5, 5))) for one in found])
     strength = found / noise[:, None, None]
     candidates = []
     for scale, row, column in np.argwhere((found == highest) & (strength > LIKELY)):

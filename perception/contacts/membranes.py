@@ -78,6 +78,6 @@ def tables(blur: float) -> tuple[Table, Table]:
 
 def look_up(table: Table, distance: Batch, beta: Float[np.ndarray, "*batch 1"]) -> Batch:
     """Values of a table of `tables`, interpolated."""
-    columns = np.minimum(distance / STEP, table.shape[1] - 1).astype(np.float32)
+    columns = (distance * (1 / STEP)).astype(np.float32, copy=False)
     rows = np.broadcast_to(beta * ((BETAS - 1) / FLATTEST), distance.shape).astype(np.float32)
-    return cv2.remap(table, columns, rows, cv2.INTER_LINEAR)
+    return cv2.remap(table, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)

@@ -42,7 +42,7 @@ INSET = 0.02
 PIECES = 160
 """Of a lamp in air."""
 
-SHADOW_PIECES, SHADOW_HEIGHTS, SHADOW_STEPS = 10, 3, 14
+SHADOW_PIECES, SHADOW_HEIGHTS, SHADOW_STEPS = 10, 12, 14
 """Of a lamp that throws shadows, heights on it, and steps of the way to it."""
 
 
