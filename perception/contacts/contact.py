@@ -1,19 +1,11 @@
-"""What is known of a contact, and the same contact from several views."""
+"""What is known of a contact."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-
-SAME = 1.0
-"""Contacts of two views are the same if their middles are within so many radii of the larger,"""
-
-AGREEING = 25.0
-"""or if χ² of what they differ by, with three degrees of freedom, is less."""
 
 
 @dataclass(frozen=True, eq=False)

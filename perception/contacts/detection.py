@@ -78,8 +78,8 @@ def find_candidates(change: Change, lamps: Lamps) -> list[Candidate]:
         place = (row + 0.5) * step, (column + 0.5) * step - change.width / 2
         slopes = change.at(change.slopes, *map(np.array, place))
         along, across = np.array(place) + LIFTED * np.clip(slopes, -2, 2)
-        size = float(strength[scale, row, column])
-        candidates.append(Candidate(float(along), float(across), ratio * float(SCALES[scale]), size))
+        size, above = ratio * float(SCALES[scale]), float(strength[scale, row, column])
+        candidates.append(Candidate(float(along), float(across), size, above))
     return sorted(candidates, key=lambda one: -one.strength)
 
 

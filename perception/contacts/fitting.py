@@ -2,12 +2,12 @@
 
 The membrane is lifted as `perception.contacts.membranes` has it: five unknowns. What is seen at a
 place of the flat pad is the membrane where the ray first meets it, with the light of each lamp as
-`perception.contacts.lamps` has it, and with light that comes evenly from all sides, which a membrane
-that leans by the unit normal n gets (1 + n_z) / 2 of. How much of the light of a color comes from
-which lamp are linear unknowns, beside a background that varies linearly; they are eliminated (G.
-Golub, V. Pereyra, Inverse Problems 19 (2003) R1), and the rest is found by damped Gauss-Newton
-steps, with weights that leave out what fits badly. Behind a bulge lies its shadow: of each color the
-side away from its lamp does not count.
+`perception.contacts.lamps` has it, and with light that comes evenly from all sides, of which a
+membrane that leans by the unit normal n gets (1 + n_z) / 2. How much of the light of a color comes
+from which lamp are linear unknowns, beside a background that varies linearly; they are eliminated
+(G. Golub, V. Pereyra, Inverse Problems 19 (2003) R1), and the rest is found by damped Gauss-Newton
+steps, with weights that leave out what fits badly. Behind a bulge lies its shadow: of each color
+the side away from its lamp does not count.
 """
 
 from __future__ import annotations
@@ -97,8 +97,8 @@ STEPS = np.array([0.01, 0.01, 0.01, 0.02, 0.02, *0.01 * _WAVES])
 EXPECTED = np.array([0, 0, 0, math.log(DEPTH), SHAPE, *0 * _WAVES])
 SURENESS = np.array([0, 0, 0, DEPTHS**-2, SHAPES**-2, *((HARMONICS - 1) / ROUNDNESS) ** 2])
 
-ROUND = 5
-"""Parameters of a round contact; the harmonics come after."""
+ROUND, DEPTH_INDEX = 5, 3
+"""Parameters of a round contact; the harmonics come after. Which of them the depth is."""
 
 CORNERS = 72
 """Of the polygon that an outline is."""
@@ -166,7 +166,9 @@ class Fit:
         turns = HARMONICS[:count:2, None] * angles
         waves = np.stack([np.cos(turns), np.sin(turns)], axis=1).reshape(count, CORNERS)
         radius = np.exp(self.parameters[2] + self.parameters[ROUND:] @ waves)
-        return self.parameters[:2] + radius[:, None] * np.stack([np.cos(angles), np.sin(angles)], -1)
+        return self.parameters[:2] + radius[:, None] * np.stack(
+            [np.cos(angles), np.sin(angles)], -1
+        )
 
 
 def circle_of(parameters: Parameters) -> Circle:
@@ -204,7 +206,9 @@ def fit(
     for _ in range(rounds):
         ratio = np.abs(solved.residual) / samples.deviation
         scale = max(1.0, NORMAL * float(np.median(ratio[model.lit > 0.5])))
-        weights = model.lit / (samples.deviation * scale) ** 2 / (1 + (ratio / (ROBUST * scale)) ** 2)
+        weights = (
+            model.lit / (samples.deviation * scale) ** 2 / (1 + (ratio / (ROBUST * scale)) ** 2)
+        )
         solved = problem.solve(model, point, weights)
         for _ in range(TRIALS):
             damped = solved.normal + damping * np.diag(np.diag(solved.normal))
@@ -240,10 +244,11 @@ def fit(
 def sample(change: Change, circle: Circle, others: Circles) -> Samples:
     """What has changed about a circle, away from others and from the pad's edges."""
     cells = max(1, round(circle[2] / PER_RADIUS / CELL))
+    along, across = circle[:2].tolist()
     size, reach = cells * CELL, REACH[0] * circle[2] + REACH[1]
     half = change.width / 2
     ranges = []
-    for middle, count in zip(circle[:2] + [0, half], change.inner.shape, strict=True):
+    for middle, count in zip((along, across + half), change.inner.shape, strict=True):
         first = min(max(0, int((middle - reach) / CELL)), count)
         blocks = max(0, min(count, int((middle + reach) / CELL) + 1) - first) // cells
         ranges.append((first, blocks))
@@ -253,7 +258,7 @@ def sample(change: Change, circle: Circle, others: Circles) -> Samples:
         indexing="ij",
     )
     v = v - half
-    own = np.hypot(u - circle[0], v - circle[1]) < reach
+    own = np.hypot(u - along, v - across) < reach
     for other in others:
         own &= np.hypot(u - other[0], v - other[1]) > other[2] + APART
     if not own.any():
@@ -265,7 +270,7 @@ def sample(change: Change, circle: Circle, others: Circles) -> Samples:
     )
     own &= inner > 0.99
     deviation = np.hypot(change.noise(cells) * noisiness[own], FLOOR)
-    blur = math.hypot(size, SPREAD * change.pixel_at(circle[0], circle[1]))
+    blur = math.hypot(size, SPREAD * math.sqrt(change.pixels_at(along, across).prod()))
     return Samples(u[own], v[own], part[own], deviation, slopes[own], size, blur)
 
 
@@ -317,7 +322,7 @@ def lift(
             cosine, sine = along / away, across / away
             turn = np.zeros_like(away)
             c, s, radius = cosine, sine, radius + turn
-            for number, (a, b) in zip(HARMONICS[::2], zip(waves[::2], waves[1::2]), strict=False):
+            for number, a, b in zip(HARMONICS[::2], waves[::2], waves[1::2], strict=False):
                 c, s = c * cosine - s * sine, s * cosine + c * sine
                 radius += a * c + b * s
                 turn += number * (b * c - a * s)
@@ -422,7 +427,9 @@ class _Problem:
         even = (upright - 1) / 2
         if not self._pieces:
             terms = np.broadcast_to(even[..., None], (*self._background.shape[:1], *even.shape, 1))
-            return _Model(terms, np.zeros(terms.shape[:-1]), np.ones_like(samples.part), bulge.height[0])
+            return _Model(
+                terms, np.zeros(terms.shape[:-1]), np.ones_like(samples.part), bulge.height[0]
+            )
         lean = -upright * bulge.by_along, -upright * bulge.by_across
         lights = [one.light(*lean, upright, bulge.height) - 1 for one in self._pieces]
         terms = np.stack([*lights, even], axis=-1)
