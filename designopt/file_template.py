@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from importlib.metadata import entry_points
+from typing import Any
 
 from designopt.errors import UserError, load_plug_in
+from designopt.io.spec import Spec
+from designopt.study.settings import spec_with
 from designopt.study.settings_file import format_settings
 from designopt.study.study import installed_studies
 
@@ -24,13 +27,35 @@ class FileTemplate:
         name: what it is called after ``designopt new``; no study is called so.
         purpose: one line.
         command: what takes it, without the file at its end.
-        content: its text.
+        content: its text; with the settings it is called with, where it has any.
+        spec: its settings, which ``--set`` changes; ``None`` if it has none.
+        prints: further files that are written beside it, from the settings, by their ending.
     """
 
     name: str
     purpose: str
     command: str
-    content: Callable[[], str]
+    content: Callable[..., str]
+    spec: type[Spec] | None = None
+    prints: Mapping[str, Callable[[Any], bytes]] = field(default_factory=dict)
+
+    def given(self, assignments: Sequence[str]) -> list[Spec]:
+        """What `content` and `prints` are called with: the settings, where any are asked for.
+
+        Args:
+            assignments: ``key=value`` texts.
+
+        Raises:
+            UserError: it has no settings, or these are wrong.
+        """
+        if not assignments and not self.prints:
+            return []
+        if self.spec is None:
+            raise UserError(
+                f"--set {assignments[0]}: '{self.name}' has no settings; change the file itself"
+            )
+        shown_by = "designopt new {} -"
+        return [spec_with(self.spec, assignments, study=self.name, shown_by=shown_by)]
 
 
 def installed_templates() -> Iterator[tuple[str, FileTemplate | UserError]]:
@@ -40,7 +65,8 @@ def installed_templates() -> Iterator[tuple[str, FileTemplate | UserError]]:
             yield name, study
             continue
         purpose, command = f"settings: {study.purpose}", f"designopt run {name} --config"
-        yield name, FileTemplate(name, purpose, command, partial(format_settings, study))
+        content = partial(format_settings, study)
+        yield name, FileTemplate(name, purpose, command, content, study.spec)
     for point in sorted(entry_points(group=TEMPLATE_GROUP), key=lambda point: point.name):
         try:
             templates = load_plug_in(point, "the templates")

@@ -16,16 +16,40 @@ from designopt.roots import ROUNDING_UNITS
 from designopt.solution import Solution
 
 Parameters = Float[Array, " parameters"]
+Residuals = Callable[[Parameters, Any], Float[Array, " residuals"]]
+Jacobian = Callable[[Parameters, Any], Float[Array, "residuals parameters"]]
+
+ROBUST = 3.0
+"""Residuals of more deviations than this count less (pseudo-Huber loss)."""
 
 
-def with_jacobian(
-    function: Callable[[Parameters, Any], Float[Array, " residuals"]],
-) -> Callable[[Parameters, Any], Float[Array, " residuals"]]:
+def robust_residuals(left: Float[Array, "*data"]) -> Float[Array, "*data"]:
+    """Residuals whose squares are the pseudo-Huber loss of the given ones: outliers count less.
+
+    Source: P. Charbonnier et al., IEEE Trans. Image Process. 6 (1997) 298, with
+    2 δ² (√(1 + r²/δ²) − 1) = r² · 2 / (1 + √(1 + r²/δ²)).
+
+    Args:
+        left: residuals in standard deviations.
+
+    Example:
+        >>> [round(float(one), 2) for one in robust_residuals(jnp.array([0.1, 100.0]))]
+        [0.1, 24.13]
+    """
+    return left * jnp.sqrt(2 / (1 + jnp.sqrt(1 + (left / ROBUST) ** 2)))
+
+
+def with_jacobian(function: Residuals, jacobian: Jacobian | None = None) -> Residuals:
     """The same function, whose derivative in its first argument is its Jacobian as a matrix.
 
     A least-squares solver carries the derivative along. As a matrix that is one array; as the trace
     of the function it is hundreds, which took four times as long to compile. It has no derivative
     in its second argument.
+
+    Args:
+        function: residuals of parameters.
+        jacobian: its derivative, where most of it is 0 and known to be; by default every entry is
+            computed.
     """
 
     @jax.custom_jvp
@@ -38,8 +62,11 @@ def with_jacobian(
             value = function(point, at[1])
             return value, value
 
-        jacobian, value = jax.jacfwd(twice, has_aux=True)(at[0])
-        return value, jacobian @ towards[0]
+        if jacobian is None:
+            slopes, value = jax.jacfwd(twice, has_aux=True)(at[0])
+        else:
+            slopes, value = jacobian(*at), function(*at)
+        return value, slopes @ towards[0]
 
     return known
 
@@ -66,10 +93,11 @@ class Fit(eqx.Module):
 
 
 def least_squares(
-    residuals: Callable[[Float[Array, " parameters"], Any], Float[Array, " data"]],
+    residuals: Residuals,
     guess: Float[Array, " parameters"],
     args: Any = None,
     *,
+    jacobian: Jacobian | None = None,
     tolerance: float = 1e-12,
     max_steps: int = 256,
     differentiable: bool = True,
@@ -80,6 +108,8 @@ def least_squares(
         residuals: deviations of the model from the data, each over its standard deviation.
         guess: where to start.
         args: what the residuals depend on beside the parameters.
+        jacobian: of the residuals by the parameters, where most of it is 0 and known to be; without
+            ``differentiable`` only. By default every entry is computed.
         tolerance: relative and absolute, on the parameters and on the sum of squares relative to
             that of the guess; not below `ROUNDING_UNITS` units of rounding of the dtype.
         max_steps: cap on iterations.
@@ -113,7 +143,8 @@ def least_squares(
         function = scaled_residuals
         solver = optx.LevenbergMarquardt(rtol=tolerance, atol=tolerance)
     else:
-        function = with_jacobian(scaled_residuals)
+        scaled_jacobian = None if jacobian is None else lambda p, args: jacobian(p, args) / unit
+        function = with_jacobian(scaled_residuals, scaled_jacobian)
         # A factorisation of the tall matrix takes far longer to compile.
         normal = lx.Normal(lx.Cholesky())
         solver = optx.LevenbergMarquardt(rtol=tolerance, atol=tolerance, linear_solver=normal)
@@ -130,16 +161,18 @@ def least_squares(
     best = found.value if differentiable else jax.lax.stop_gradient(found.value)
     value = jnp.where(jnp.isfinite(best), best, jax.lax.stop_gradient(guess))
     left = residuals(value, args)
-    jacobian = jax.jacfwd(residuals)(value, args)
-    known = jnp.all(jnp.isfinite(left)) & jnp.all(jnp.isfinite(jacobian))
+    slopes = (jacobian or jax.jacfwd(residuals))(value, args)
+    known = jnp.all(jnp.isfinite(left)) & jnp.all(jnp.isfinite(slopes))
     left = jnp.where(known, left, 0.0)
-    jacobian = jnp.where(known, jacobian, 0.0)
+    slopes = jnp.where(known, slopes, 0.0)
 
     # Scaled columns: parameters of unlike units must not spoil the inverse.
-    lengths = jnp.linalg.norm(jacobian, axis=0)
+    lengths = jnp.linalg.norm(slopes, axis=0)
     lengths = jnp.where(lengths > 0, lengths, 1.0)
-    scaled = jacobian / lengths[None, :]
-    _, singular_values, right = jnp.linalg.svd(scaled, full_matrices=False)
+    scaled = slopes / lengths[None, :]
+    # The triangle has the singular values of the tall matrix, and they take a tenth of the time.
+    triangle = jnp.linalg.qr(scaled, mode="r")
+    _, singular_values, right = jnp.linalg.svd(triangle, full_matrices=False)
     inverse = 1 / jnp.where(singular_values > 0, singular_values, 1.0)
     half = right.T * inverse[None, :] / lengths[:, None]
 

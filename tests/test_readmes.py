@@ -45,15 +45,20 @@ def mentioned(readme: Path) -> Iterator[list[str]]:
 
 
 def written(readme: Path) -> set[str]:
-    """The files that its commands ``designopt new`` write."""
-    made = (parsed(words) for words in pasted(readme) if words[:2] == ["designopt", "new"])
-    return {given["file"] or f"{given['name']}.toml" for given in made if given["name"]}
+    """The files that its commands ``designopt new`` and ``calibrate lens`` write."""
+    made = [parsed(words) for words in pasted(readme) if words[:2] == ["designopt", "new"]]
+    lenses = [parsed(words) for words in pasted(readme) if words[1:3] == ["calibrate", "lens"]]
+    files = {given["file"] or f"{given['name']}.toml" for given in made if given["name"]}
+    return files | {str(given["out"]) for given in lenses}
 
 
 def parsed(words: list[str]) -> dict:
     """The parameters of a designopt command, as the command line reads them."""
-    app = typer.Typer()
-    app.command()(COMMANDS[words[1]].load())
+    command, app = COMMANDS[words[1]].load(), typer.Typer()
+    if isinstance(command, typer.Typer):
+        group = typer.main.get_group(command)
+        return group.commands[words[2]].make_context(words[2], words[3:]).params
+    app.command()(command)
     return typer.main.get_command(app).make_context(words[1], words[2:]).params
 
 

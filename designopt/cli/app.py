@@ -62,7 +62,12 @@ def _app(check: Callable[[], None]) -> typer.Typer:
             warning = f"command '{point.name}' cannot be loaded: {reason_of(error)}"
             print(f"warning: {warning}", file=sys.stderr)
             continue
-        app.command(point.name, help=_help(command))(command)
+        if isinstance(command, typer.Typer):
+            for part in command.registered_commands:
+                part.help = _help(cast("Callable[..., object]", part.callback))
+            app.add_typer(command, name=point.name)
+        else:
+            app.command(point.name, help=_help(command))(command)
     return app
 
 

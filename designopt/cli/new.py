@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,9 +30,13 @@ def new(
     listing: Annotated[
         bool, typer.Option("--list", help="List all names, and what takes the files.")
     ] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="One of its settings; may be given often."),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
 ) -> None:
-    """Write a commented file to begin with: a study's settings, a linkage, a scene.
+    """Write a commented file to begin with: a study's settings, a linkage, a scene, a board.
 
     Example:
       designopt new finger my-finger.toml
@@ -46,14 +52,26 @@ def new(
     if name is None:
         raise UserError("NAME: what is the file to be? 'designopt new --list' shows the names")
     template = load_template(name)
+    given = template.given(settings or [])
     if file == "-":
-        sys.stdout.write(template.content())
+        sys.stdout.write(template.content(*given))
         return
     target = f"{name}.toml" if file is None else file
-    check_targets({"FILE": target}, force=force)
-    with replaced_when_complete(Path(target)) as partial:
-        partial.write_text(template.content(), encoding="utf-8")
-    print(printable(target))
+    stem, _ = os.path.splitext(target)
+    beside = {ending: f"{stem}{ending}" for ending in template.prints}
+    check_targets(
+        {"FILE": target} | {f"its {ending}": path for ending, path in beside.items()}, force=force
+    )
+    with ExitStack() as all_or_none:
+
+        def write(path: str, data: bytes) -> None:
+            all_or_none.enter_context(replaced_when_complete(Path(path))).write_bytes(data)
+
+        write(target, template.content(*given).encode())
+        for ending, path in beside.items():
+            write(path, template.prints[ending](*given))
+    for path in (target, *beside.values()):
+        print(printable(path))
     print(f"next: {template.command} {printable(shlex.quote(target))}")
 
 

@@ -200,7 +200,8 @@ def _listed(folder: Path) -> dict[Path, Listed]:
         document = json.loads((folder / DOCUMENT).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise ForeignFileError(NO_RESULT) from error
-    if not (isinstance(document, dict) and {"study", "spec", "metrics"} <= set(document)):
+    older = {"study", "spec", "metrics"}
+    if not (isinstance(document, dict) and (MANIFEST in document or older <= set(document))):
         raise ForeignFileError(NO_RESULT)
     try:
         if MANIFEST not in document:

@@ -96,7 +96,12 @@ def targets_waived(spec: Spec, default: Spec | None = None, prefix: str = "") ->
 
 
 def spec_with(
-    model: type[Spec], assignments: Iterable[str], *, study: str, config: Config = NO_CONFIG
+    model: type[Spec],
+    assignments: Iterable[str],
+    *,
+    study: str,
+    config: Config = NO_CONFIG,
+    shown_by: str = "designopt list {}",
 ) -> Spec:
     """The spec of ``model`` with ``assignments`` in place of its defaults.
 
@@ -106,14 +111,15 @@ def spec_with(
             not TOML, so ``lens.name=wide`` needs no quotes.
         study: the study's name, for the messages.
         config: settings between the defaults and the assignments.
+        shown_by: the command that shows the keys, with braces for the name.
 
     Raises:
         UserError: every fault at once, in one line.
     """
     overrides: dict[str, Any] = {}
     for text in assignments:
-        _assign(overrides, text, study)
-    return spec_of_tables(model, overrides, study=study, config=config)
+        _assign(overrides, text, shown_by.format(study))
+    return spec_of_tables(model, overrides, study=study, config=config, shown_by=shown_by)
 
 
 def spec_of_tables(
@@ -122,6 +128,7 @@ def spec_of_tables(
     *,
     study: str = "STUDY",
     config: Config = NO_CONFIG,
+    shown_by: str = "designopt list {}",
 ) -> Spec:
     """The spec of ``model`` with nested ``tables`` of settings in place of its defaults.
 
@@ -130,6 +137,7 @@ def spec_of_tables(
         tables: nested settings.
         study: the study's name, for the messages.
         config: settings between the defaults and the tables.
+        shown_by: the command that shows the keys, with braces for the name.
 
     Raises:
         UserError: every fault at once, in one line.
@@ -145,7 +153,7 @@ def spec_of_tables(
         if text not in before:
             words.append(f"--set {text}" if key else text)
     raise UserError(
-        f"{'; '.join(words)} ('designopt list {study}' shows every key with its default)"
+        f"{'; '.join(words)} ('{shown_by.format(study)}' shows every key with its default)"
     )
 
 
@@ -214,7 +222,7 @@ def _merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
     return {**base, **over, **both}
 
 
-def _assign(overrides: dict[str, Any], text: str, study: str) -> None:
+def _assign(overrides: dict[str, Any], text: str, shown_by: str) -> None:
     key, equals, value = text.partition("=")
     path = key.strip().split(".")
     try:
@@ -223,13 +231,12 @@ def _assign(overrides: dict[str, Any], text: str, study: str) -> None:
         raise UserError(f"--set {text!a}: not UTF-8; write it in UTF-8") from error
     if not all(path):
         raise UserError(
-            f"--set {text}: a key is missing; write --set key=value "
-            f"('designopt list {study}' shows the keys)"
+            f"--set {text}: a key is missing; write --set key=value ('{shown_by}' shows the keys)"
         )
     if not equals:
         raise UserError(
             f"--set {text}: a value is missing; write --set {text}=VALUE "
-            f"('designopt list {study}' shows the defaults)"
+            f"('{shown_by}' shows the defaults)"
         )
     try:
         document = tomllib.loads(f"value = {value}")
@@ -239,7 +246,7 @@ def _assign(overrides: dict[str, Any], text: str, study: str) -> None:
     if len(path) > DEEPEST or is_too_deep(parsed):
         raise UserError(
             f"--set {shortened(text)}: nested too deeply for a setting "
-            f"('designopt list {study}' shows the keys)"
+            f"('{shown_by}' shows the keys)"
         )
     place = overrides
     for part in path[:-1]:

@@ -15,6 +15,7 @@ from pydantic_core import PydanticUndefined
 from designopt.design_kind import kind_of_tables
 from designopt.errors import UserError
 from designopt.io.files import read_toml
+from designopt.io.spec import Spec
 from designopt.io.toml_writing import format_toml
 from designopt.study.result_folders import DOCUMENT, recorded_spec
 from designopt.study.settings import NO_CONFIG, Config, fields
@@ -82,10 +83,12 @@ def read_config(paths: Sequence[Path], study: Study) -> Config:
     return Config(tables, str(path))
 
 
-def format_settings(study: Study) -> str:
-    """The text of a file with every setting of a study: its default, meaning and bounds.
+def format_settings(study: Study, given: Spec | None = None) -> str:
+    """The text of a file with every setting of a study: its value, meaning and bounds.
 
-    Settings without a default, or for which it is ``None``, are written as comments.
+    Args:
+        study: whose settings they are.
+        given: the values; the defaults, where there are any, by default.
 
     Example:
         >>> from designopt.study.study import load_study
@@ -93,9 +96,22 @@ def format_settings(study: Study) -> str:
         >>> lines[lines.index("decades = 2.0") - 1]
         '# decades over which the lengths of random linkages spread; >= 0.1, <= 6'
     """
-    schema = study.spec.model_json_schema()
+    return format_spec(HEAD.format(purpose=study.purpose, name=study.name), study.spec, given)
+
+
+def format_spec(head: str, model: type[Spec], given: Spec | None = None) -> str:
+    """The text of a file with every key of a spec: its value, meaning and bounds.
+
+    Keys without a value, or for which it is ``None``, are written as comments.
+
+    Args:
+        head: what stands first, as a comment.
+        model: of the whole file.
+        given: the values; the defaults, where there are any, by default.
+    """
+    schema = model.model_json_schema()
     tables: dict[str, list[str]] = {"": []}
-    for key, default, meaning in fields(study.spec):
+    for key, default, meaning in fields(model, default=given):
         table, _, name = key.rpartition(".")
         for outer in itertools.accumulate(table.split("."), "{}.{}".format):
             tables.setdefault(outer, [])
@@ -109,7 +125,7 @@ def format_settings(study: Study) -> str:
         else:
             line = format_toml({name: default}, comment)
         tables[table].append(line)
-    text = format_toml({}, HEAD.format(purpose=study.purpose, name=study.name))
+    text = format_toml({}, head)
     for table, lines in tables.items():
         if table and lines:
             meaning = _schema_of(table, schema).get("description")

@@ -67,7 +67,7 @@ def trace_file(
     with jax.enable_x64(True):
         tables = read_tables(file, "scene", "camera")
         scene = parse_scene(tables, str(file))
-        angles = _angles(scene, poses, sweeps)
+        angles = posed_angles(scene, poses, sweeps)
         starts = np.array([_ray(text) for text in rays]).reshape(-1, 3)
         if chart is not None:
             _check_drawable(scene, angles, chart)
@@ -88,10 +88,14 @@ def trace_file(
         return [*remarks_on(trace), *on_camera]
 
 
-def _angles(
+def posed_angles(
     scene: Scene, poses: Sequence[str], sweeps: Sequence[str]
 ) -> Float[np.ndarray, "poses joints"]:
-    """Joint angles of all poses, degrees."""
+    """Joint angles of all poses of a grid, degrees; see `trace_file`.
+
+    Raises:
+        UserError: a text of another form, an unknown joint, or too large a grid.
+    """
     texts = [part for text in poses for part in text.split(",")]
     named = dict.fromkeys(scene.angle_names, 0.0)
     posed = single_values(texts, "--pose", named, "joint angle")

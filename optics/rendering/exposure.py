@@ -48,12 +48,30 @@ def exposed(
         light = cv2.pow(light, 1 / effects.gamma)
     pixels = cv2.convertScaleAbs(light, alpha=255)
     if effects.jpeg:
-        quality = [cv2.IMWRITE_JPEG_QUALITY, round(100 - effects.jpeg)]
-        stored = cv2.imencode(".jpg", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), quality)[1]
+        stored = np.frombuffer(encode_picture(pixels, round(100 - effects.jpeg)), np.uint8)
         restored = cv2.imdecode(stored, cv2.IMREAD_COLOR)
         assert restored is not None  # it has just been encoded
         pixels = cv2.cvtColor(restored, cv2.COLOR_BGR2RGB)
     return pixels
+
+
+def encode_picture(
+    pixels: UInt8[np.ndarray, "rows columns 3"], quality: int | None = None
+) -> bytes:
+    """The file of a picture: JPEG of a quality, or PNG, which loses nothing.
+
+    Args:
+        pixels: red, green, blue.
+        quality: of JPEG, 0 to 100; PNG without one.
+
+    Example:
+        >>> import numpy as np
+        >>> encode_picture(np.zeros((2, 3, 3), np.uint8))[1:4]
+        b'PNG'
+    """
+    jpeg = [cv2.IMWRITE_JPEG_QUALITY, quality] if quality is not None else []
+    ending = ".jpg" if jpeg else ".png"
+    return cv2.imencode(ending, cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), jpeg)[1].tobytes()
 
 
 def _with_flare(

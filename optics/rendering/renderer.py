@@ -144,8 +144,13 @@ class Renderer:
             seed: of this finger's rough edges, of its inside, and of the noise of its frames.
 
         Raises:
-            UserError: mirrors have layers, which images do not show yet.
+            UserError: mirrors have layers or are curved, which images do not show yet.
         """
+        if scene.layout.curved:
+            raise UserError(
+                f"{scene.layout.name}: synthetic images do not show curved mirrors; leave out "
+                "'radius' of the mirrors"
+            )
         if scene.mirror_layers is not None:
             raise UserError(
                 f"{scene.layout.name}: synthetic images do not show mirrors through layers; leave "

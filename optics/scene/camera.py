@@ -216,6 +216,19 @@ CLASSICAL: dict[str, Projection] = {
 """The projections without coefficients, by their names in files."""
 
 
+def shift_pupil(
+    coefficients: Float[Array, "2"], angle: Float[Array, "*batch"]
+) -> Float[Array, "*batch"]:
+    """How far forward the entrance pupil is for rays at an angle (rad) from the axis, mm.
+
+    Args:
+        coefficients: e₂ and e₄ of e₂ θ² + e₄ θ⁴, mm.
+        angle: θ.
+    """
+    square = angle * angle
+    return square * (coefficients[0] + square * coefficients[1])
+
+
 class Sensor(eqx.Module):
     """A sensor behind a lens, as both are sold; every dimension is an array leaf.
 
@@ -249,6 +262,8 @@ class Camera(eqx.Module):
         max_blur: largest blur spot that is accepted, pixels.
         pupil_shift: how the entrance pupil moves forward for a ray at θ (rad) from the axis: mm per
             rad² and per rad⁴, of `pupil_at`; ``None`` for one that stays at ``position``.
+        axis_offset: where the optical axis is imaged, from the image's middle towards greater
+            columns and along the image line, px; ``None`` in the middle.
     """
 
     position: Float[Array, "2"] = eqx.field(converter=as_float)
@@ -261,6 +276,13 @@ class Camera(eqx.Module):
     module: CameraModule | None = None
     max_blur: Float[Array, ""] | None = eqx.field(default=None, converter=optional_float)
     pupil_shift: Float[Array, "2"] | None = eqx.field(default=None, converter=optional_float)
+    axis_offset: Float[Array, "2"] | None = eqx.field(default=None, converter=optional_float)
+
+    @property
+    def axis_pixel(self) -> Float[Array, ""]:
+        """Where the optical axis is imaged, in pixels from the image's first edge."""
+        middle = self.pixels / 2
+        return middle if self.axis_offset is None else middle + self.axis_offset[1]
 
     @property
     def focal_pixels(self) -> Float[Array, ""]:
@@ -298,8 +320,7 @@ class Camera(eqx.Module):
         """
         if self.pupil_shift is None:
             return jnp.zeros_like(angle)
-        square = angle * angle
-        return square * (self.pupil_shift[0] + square * self.pupil_shift[1])
+        return shift_pupil(self.pupil_shift, angle)
 
     def pixel(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
         """Where a ray is imaged, in pixels from the image's first edge.
@@ -307,7 +328,7 @@ class Camera(eqx.Module):
         Args:
             angle: of the ray from the optical axis, counter-clockwise, rad.
         """
-        return self.pixels / 2 - self.focal_pixels * self.projection.height(angle)
+        return self.axis_pixel - self.focal_pixels * self.projection.height(angle)
 
     def pixels_per_radian(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
         """Pixels per rad at an angle (rad) from the optical axis."""
@@ -315,5 +336,5 @@ class Camera(eqx.Module):
 
     def angle(self, pixel: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
         """The angle from the axis (rad, counter-clockwise) imaged at a pixel; inverts `pixel`."""
-        height, _ = safe_divide(self.pixels / 2 - pixel, self.focal_pixels)
+        height, _ = safe_divide(self.axis_pixel - pixel, self.focal_pixels)
         return self.projection.angle(height)

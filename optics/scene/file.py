@@ -149,7 +149,8 @@ class CameraTable(Spec):
 
     Without ``format``, ``fov_deg`` and ``pixels`` are those of the image line. With it, two of
     ``focal_length`` (mm), ``fov_deg`` with ``fov_axis``, and ``projection`` give the third. Rays
-    at θ (rad) from the axis pass e₂ θ² + e₄ θ⁴ before the position: ``pupil_shift``, mm.
+    at θ (rad) from the axis pass e₂ θ² + e₄ θ⁴ before the position: ``pupil_shift``, mm. The axis
+    is imaged ``axis_offset_px`` from the image's middle: columns to the right, rows down.
     """
 
     position: Point
@@ -163,6 +164,7 @@ class CameraTable(Spec):
     image_circle_mm: Length | None = None
     max_blur_px: Length | None = None
     pupil_shift: tuple[Number, Number] | None = None
+    axis_offset_px: tuple[Number, Number] | None = None
     body: Name = FIXED
     format: FormatTable | None = None
     lens: LensTable | None = None
@@ -243,6 +245,17 @@ class CameraTable(Spec):
                     f"'pupil_shift' moves the entrance pupil by {most:.4g} mm within the field of "
                     f"view, and {LARGEST_PUPIL_SHIFT:g} mm is the most; correct [e2, e4], in mm "
                     "per rad² and rad⁴"
+                )
+        return self
+
+    @pydantic.model_validator(mode="after")
+    def _images_its_axis(self) -> CameraTable:
+        if self.axis_offset_px is not None:
+            most = self.section_pixels / 4
+            if max(map(abs, self.axis_offset_px)) > most:
+                raise ValueError(
+                    f"'axis_offset_px' puts the optical axis more than {most:g} px beside the "
+                    "image's middle, a quarter of its pixels; correct it"
                 )
         return self
 

@@ -11,7 +11,7 @@ Image places are (column, row), with whole numbers at pixel centres as OpenCV ha
 
 from __future__ import annotations
 
-import math
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -31,7 +31,7 @@ CENTER = 0.5
 
 
 class Imaging(eqx.Module):
-    """A camera with an image around its image line; the optical axis meets its middle.
+    """A camera with an image around its image line.
 
     Attributes:
         camera: in the section; the image line runs down the image and fills its height.
@@ -53,6 +53,13 @@ class Imaging(eqx.Module):
         if aspect is None:
             aspect = 4 / 3 if camera.sensor is None else float(camera.sensor.aspect)
         return cls(camera, rows, round(aspect * rows))
+
+    @property
+    def axis_place(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """Column and row at which the optical axis is imaged: the image's middle, or beside it."""
+        column, row = self.columns / 2 - CENTER, self.rows / 2 - CENTER
+        offset = self.camera.axis_offset
+        return (column, row) if offset is None else (column + offset[0], row + offset[1])
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -81,16 +88,16 @@ class Imaging(eqx.Module):
         scale = jnp.where(there, scale, self.camera.focal_pixels)
         return jnp.stack(
             [
-                self.columns / 2 - CENTER + scale * slope,
-                self.rows / 2 - CENTER - scale * up,
+                self.axis_place[0] + scale * slope,
+                self.axis_place[1] - scale * up,
             ],
             axis=-1,
         )
 
     def ray(self, place: Float[Array, "*batch 2"]) -> Float[Array, "*batch 2"]:
         """Section angle (rad) and lateral slope of what is imaged at places; inverts `place`."""
-        across = place[..., 0] - (self.columns / 2 - CENTER)
-        up = self.rows / 2 - CENTER - place[..., 1]
+        column, row = self.axis_place
+        across, up = place[..., 0] - column, row - place[..., 1]
         radius = safe_sqrt(up * up + across * across)
         height, _ = safe_divide(radius, self.camera.focal_pixels)
         focal = self.camera.focal_pixels
@@ -103,9 +110,10 @@ class Imaging(eqx.Module):
         if sensor is not None and sensor.image_circle is not None:
             edge = min(edge, float(sensor.image_circle) / 2 / float(sensor.focal_length))
         rows, columns = self.shape
-        if math.hypot(rows, columns) / 2 <= edge * focal:
+        column, row = (float(one) for one in self.axis_place)
+        if _farthest((rows, columns), (row, column)) <= edge * focal:
             return None
-        up, across = (np.arange(count) - (count / 2 - CENTER) for count in (rows, columns))
+        up, across = np.arange(rows) - row, np.arange(columns) - column
         return np.hypot(up[:, None], across) <= edge * focal
 
     def ray_map(self, scale: float = 1.0) -> Float[np.ndarray, "rows columns 2"]:
@@ -121,13 +129,26 @@ def _ray_map(
     imaging: Imaging, rows: int, columns: int, scale: Float[Array, ""]
 ) -> Float[Array, "rows columns 2"]:
     focal = scale * imaging.camera.focal_pixels
-    radii = jnp.linspace(0.0, math.hypot(rows, columns) / 2, RADII, dtype=focal.dtype)
+    offset = imaging.camera.axis_offset
+    column, row = columns / 2 - CENTER, rows / 2 - CENTER
+    if offset is not None:
+        column, row = column + scale * offset[0], row + scale * offset[1]
+    farthest = _farthest((rows, columns), (row, column))
+    radii = jnp.linspace(0.0, farthest, RADII, dtype=focal.dtype)
     angles = imaging.camera.projection.angle(radii / focal)
-    across = (jnp.arange(columns, dtype=focal.dtype) - (columns / 2 - CENTER))[None, :]
-    up = (rows / 2 - CENTER - jnp.arange(rows, dtype=focal.dtype))[:, None]
+    across = (jnp.arange(columns, dtype=focal.dtype) - column)[None, :]
+    up = (row - jnp.arange(rows, dtype=focal.dtype))[:, None]
     across, up = jnp.broadcast_arrays(across, up)
     radius = jnp.hypot(up, across)
     return _ray(jnp.interp(radius, radii, angles), across, up, radius, focal)
+
+
+def _farthest(size: tuple[int, int], place: tuple[Any, Any]) -> Any:
+    """Distance from a place of an image to its farthest corner, px."""
+    away = [
+        jnp.maximum(at + CENTER, count - CENTER - at) for count, at in zip(size, place, strict=True)
+    ]
+    return jnp.hypot(*away)
 
 
 def _ray(

@@ -221,6 +221,7 @@ def build_camera(table: CameraTable) -> Camera:
             focal_length=sold.focal_length,
             image_circle=table.image_circle_mm,
         )
+    offset = table.axis_offset_px
     return Camera(
         position=jnp.asarray(table.position, float),
         direction=math.radians(table.direction_deg),
@@ -232,6 +233,7 @@ def build_camera(table: CameraTable) -> Camera:
         module=None if table.module is None else _module(table.module),
         max_blur=table.max_blur_px,
         pupil_shift=None if table.pupil_shift is None else jnp.asarray(table.pupil_shift, float),
+        axis_offset=None if offset is None else jnp.asarray(offset, float),
     )
 
 

@@ -129,6 +129,8 @@ def camera_table(camera: Camera) -> dict[str, Any]:
         table["max_blur_px"] = float(camera.max_blur)
     if camera.pupil_shift is not None:
         table["pupil_shift"] = np.asarray(camera.pupil_shift, float).tolist()
+    if camera.axis_offset is not None:
+        table["axis_offset_px"] = np.asarray(camera.axis_offset, float).tolist()
     if camera.lens is not None:
         focal, sensor = float(camera.lens.focal_length), float(camera.lens.sensor_distance)
         table["lens"] = {

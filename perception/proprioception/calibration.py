@@ -16,14 +16,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from designopt.fitting import Fit, least_squares
+from designopt.fitting import Fit, least_squares, robust_residuals
 from designopt.solution import Solution
 from perception.proprioception.corners import (
     LOOSE,
     CornerModel,
     FingerErrors,
     deviations,
-    softened,
 )
 from perception.proprioception.misfit import Misfit, find_misfit
 from perception.proprioception.observation import Observation
@@ -139,7 +138,7 @@ def _calibrated(
         return jnp.concatenate([values[:drawn], off])
 
     def residuals(values: Float[Array, " values"], _: None) -> Float[Array, " data"]:
-        return jnp.concatenate([softened(corner_part(values)), prior_part(values)])
+        return jnp.concatenate([robust_residuals(corner_part(values)), prior_part(values)])
 
     guess = jnp.concatenate([jnp.zeros(drawn), start.reshape(-1)])
     fit: Fit = least_squares(

@@ -12,16 +12,13 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Array, Bool, Float
 
-from designopt.fitting import Fit, least_squares
+from designopt.fitting import Fit, least_squares, robust_residuals
 from designopt.solution import Solution
 from perception.proprioception.misfit import SIGNIFICANCE, Misfit, chi_squared_limits, find_misfit
 from perception.proprioception.observation import Observation
 
 Predict = Callable[[Float[Array, " errors"], Float[Array, " joints"]], Float[Array, "views 4 2"]]
 """Where corners are imaged, from the finger's errors in units of their deviations, and its pose."""
-
-ROBUST = 3.0
-"""Corners off by more deviations than this count less (pseudo-Huber loss)."""
 
 LOOSE = 10.0
 """Standard deviation of a joint angle before anything is seen, rad: no information."""
@@ -160,15 +157,6 @@ def slopes_by_offset(seen: Observation) -> Float[Array, "data data"]:
     return jax.scipy.linalg.block_diag(*slopes.reshape(-1, 2, 2))
 
 
-def softened(left: Float[Array, "*data"]) -> Float[Array, "*data"]:
-    """Deviations whose squares are those of the pseudo-Huber loss: outliers count less.
-
-    Source: P. Charbonnier et al., IEEE Trans. Image Process. 6 (1997) 298, with
-    2 δ² (√(1 + r²/δ²) − 1) = r² · 2 / (1 + √(1 + r²/δ²)).
-    """
-    return left * jnp.sqrt(2 / (1 + jnp.sqrt(1 + (left / ROBUST) ** 2)))
-
-
 def find_pose(
     model: CornerModel,
     seen: Observation,
@@ -233,7 +221,9 @@ def _solve(
         return deviations(model, own, errors.offsets, pose, seen)
 
     def residuals(angles: Float[Array, " joints"], _: None) -> Float[Array, " data"]:
-        return jnp.concatenate([softened(left_at(errors.mean, angles)), (angles - guess) / LOOSE])
+        return jnp.concatenate(
+            [robust_residuals(left_at(errors.mean, angles)), (angles - guess) / LOOSE]
+        )
 
     fit: Fit = least_squares(
         residuals, guess, tolerance=NEAR, max_steps=STEPS, differentiable=False
@@ -248,9 +238,9 @@ def _solve(
         by_cause = jnp.concatenate([by_error, by_offset], axis=1)
         total = jnp.eye(left.size) + by_cause @ (errors.covariance / noise) @ by_cause.T
         whitened, slopes = _whitened(total, left, by_angle)
-        slopes *= jax.vmap(jax.grad(softened))(whitened)[:, None]
+        slopes *= jax.vmap(jax.grad(robust_residuals))(whitened)[:, None]
         covariance = jnp.linalg.inv(slopes.T @ slopes + jnp.eye(len(angles)) / LOOSE**2)
-        step = -covariance @ (slopes.T @ softened(whitened))
+        step = -covariance @ (slopes.T @ robust_residuals(whitened))
         covariances = noise * total, noise * covariance
         return _Linear(angles + step, left, by_angle, *covariances, step, known)
 

@@ -48,7 +48,8 @@ from studies.image_check.cases import (
 )
 from studies.models.path_tracer import require_mitsuba
 from studies.models.sensor.estimators import Predictor
-from studies.models.sensor.finger_sensor import FingerSensor, deviations_of, in_section
+from studies.models.sensor.finger_sensor import FingerSensor
+from studies.models.sensor.made import deviations_of, in_section
 from studies.models.sensor.spec import WIDTH
 from studies.oracles.judge.photograph import Photograph, photograph
 

@@ -38,7 +38,7 @@ from studies.layered_finger.strips import ends_of, lost_strips
 from studies.models.finger import Finger
 from studies.models.finger_file import bare_finger
 from studies.models.finger_parts import PHALANGES
-from studies.models.sensor.finger_sensor import carried_by_camera, deviations_of
+from studies.models.sensor.made import carried_by_camera, deviations_of
 from studies.models.sensor.spec import WIDTH
 from studies.oracles import layers as oracle
 from studies.oracles.layered_scenes import posed_tables, read

@@ -80,6 +80,18 @@ def test_an_altered_file_stays(out, name, how):
     assert (out / "figures" / "odd.svg").exists()
 
 
+def test_a_result_need_not_be_a_studys(tmp_path):
+    out = tmp_path / "out"
+    for number in range(2):
+        with result_folder(out, force=True) as folder:
+            (folder / f"{number}.png").touch()
+            write_document(folder, {"command": "render"})
+        assert {path.name for path in out.iterdir()} == {f"{number}.png", "results.json"}
+    (out / "mine.png").touch()
+    with pytest.raises(UserError, match=r"mine\.png is not of the earlier result"):
+        check_replaceable(out)
+
+
 def test_a_file_that_is_gone_is_no_obstacle(out):
     (out / "figures" / "odd.svg").unlink()
     write(out, 2)

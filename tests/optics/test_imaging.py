@@ -107,6 +107,28 @@ def test_rays_in_the_section_are_imaged_on_the_line_of_the_camera(name):
     np.testing.assert_allclose(places[:, 1], wanted, rtol=ROUNDING, atol=ROWS * ROUNDING)
 
 
+@every_lens
+def test_an_axis_beside_the_middle_moves_the_whole_image(name):
+    offset = np.array([4.25, -3.5])
+    eye = imaging(PROJECTIONS[name])
+    moved = eqx.tree_at(
+        lambda one: one.camera.axis_offset, eye, jnp.asarray(offset), is_leaf=lambda x: x is None
+    )
+    given = jnp.asarray(rays(6, name).T)
+    places = np.asarray(place(eye, *given))
+    np.testing.assert_allclose(place(moved, *given), places + offset, atol=1e-9)
+    found = ray(moved, jnp.asarray(places + offset))
+    np.testing.assert_allclose(found, ray(eye, jnp.asarray(places)), rtol=1e-9, atol=1e-12)
+    angle, pixel = jnp.asarray(0.3), jnp.asarray(20.0)
+    np.testing.assert_allclose(moved.camera.pixel(angle), eye.camera.pixel(angle) - 3.5, atol=1e-12)
+    np.testing.assert_allclose(moved.camera.angle(pixel), eye.camera.angle(pixel + 3.5), atol=1e-12)
+    if eye.lit() is None:
+        found, pixels = moved.ray_map(), np.array([[0, 0], [COLUMNS - 1, ROWS - 1], [60, 50]])
+        wanted = np.asarray(ray(moved, jnp.asarray(pixels, float)))
+        directions = direction_of(*found[tuple(pixels.T[::-1])].astype(float).T)
+        np.testing.assert_allclose(directions, direction_of(*wanted.T), atol=SINGLE)
+
+
 def test_an_image_is_as_high_as_the_line_and_a_third_wider():
     eye = Imaging.of(Camera(np.zeros(2), 0.0, 1.0, 1080.0, Equidistant()))
     assert eye.shape == (1080, 1440)

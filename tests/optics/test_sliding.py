@@ -4,6 +4,7 @@ import math
 import tomllib
 from dataclasses import replace
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -149,6 +150,17 @@ def test_outlines_end_where_views_do(layers):
 def test_a_moving_pupil_is_written_and_read_again():
     again = parse_scene(tomllib.loads(format_scene(scene())))
     np.testing.assert_array_equal(again.camera.pupil_shift, SHIFT)
+
+
+def test_an_axis_beside_the_middle_is_written_and_read_again():
+    moved = eqx.tree_at(
+        lambda one: one.camera.axis_offset,
+        scene(),
+        jnp.array([3.5, -2.0]),
+        is_leaf=lambda leaf: leaf is None,
+    )
+    again = parse_scene(tomllib.loads(format_scene(moved)))
+    np.testing.assert_array_equal(again.camera.axis_offset, [3.5, -2.0])
 
 
 def test_random_sheets_show_what_rays_show():

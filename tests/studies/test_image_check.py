@@ -26,7 +26,7 @@ from studies.image_check.cases import (
     without_layers,
 )
 from studies.models import path_tracer
-from studies.models.sensor.finger_sensor import deviations_of
+from studies.models.sensor.made import deviations_of
 from studies.models.sensor.spec import MadeSpec
 from studies.oracles.judge.solids import faces_of
 from tests.studies.quick import quick_run

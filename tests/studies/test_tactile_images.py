@@ -13,7 +13,8 @@ from optics import read_scene
 from optics.rendering import Effects
 from optics.rendering.effects import SOFT
 from studies.models.one_thread import one_thread
-from studies.models.sensor.finger_sensor import FingerSensor, designed
+from studies.models.sensor.finger_sensor import FingerSensor
+from studies.models.sensor.imaged import designed
 from studies.models.sensor.spec import FingerImagesSpec
 from studies.tactile_images import TactileImagesSpec
 from studies.tactile_images.corrupted import ANSWERS, CORRUPTIONS, is_wrong

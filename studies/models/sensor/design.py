@@ -9,7 +9,7 @@ from optics.design import SCENE
 from optics.scene.designed import DesignedScene
 from optics.scene.file import SceneFile
 from optics.scene.writer import scene_tables
-from studies.models.sensor.finger_sensor import designed
+from studies.models.sensor.imaged import designed
 from studies.models.sensor.spec import FingerImagesSpec
 
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Literal
 
 import equinox as eqx
@@ -16,31 +14,19 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.errors import UserError
-from designopt.io.files import read_toml
-from optics import (
-    Equidistant,
-    Fabrication,
-    Imaging,
-    KannalaBrandt,
-    Scene,
-    read_scene,
-    scale_errors,
-)
+from optics import Fabrication, Imaging, Scene
 from optics.rendering import Effects, Imprint, Renderer, TactileImage
-from optics.scene.sold import projection_entry
 from perception import Lens, Sighting, View, ViewCatalog, detect_views, select_view, unwarp
 from perception.places import find_places_in_air
 from perception.proprioception import CornerModel
 from perception.unwarping import PlacesOf
-from studies.models.finger_file import bare_finger, read_finger
 from studies.models.one_thread import one_thread
 from studies.models.sensor.catalog import catalog_of
 from studies.models.sensor.estimators import Predictor, corner_model, lens_of
+from studies.models.sensor.imaged import designed
+from studies.models.sensor.made import carried_by_camera, deviations_of, lens_fault, sample_finger
 from studies.models.sensor.places import PlaceFinder
-from studies.models.sensor.spec import LEAST_ROWS, MOST_ROWS, FingerImagesSpec, MadeSpec
-
-BODY = "camera body"
-"""Name of the blocker that moves with the camera."""
+from studies.models.sensor.spec import LEAST_ROWS, MOST_ROWS, FingerImagesSpec
 
 CURE = "give the scene of a finger with --set scene=FILE"
 """What to do about a scene of which no images can be analysed."""
@@ -215,9 +201,7 @@ class FingerSensor:
 
     def made(self, seed: int, number: int) -> tuple[Fabrication, Float[np.ndarray, " errors"]]:
         """Normal errors of one of many fingers, and the same in units of their deviations."""
-        generator = np.random.default_rng([seed, 4, number])
-        errors = generator.standard_normal(self.model.errors)
-        return scale_errors(self.deviations, jnp.asarray(errors)), errors
+        return sample_finger(self.deviations, seed, number)
 
 
 _predict_corners = eqx.filter_jit(Predictor.__call__)
@@ -227,65 +211,9 @@ def _fault(scene: Scene, imaging: Imaging) -> str:
     """What makes a scene none of a finger whose images can be analysed; empty if nothing."""
     if not scene.angle_names:
         return "it has no joint whose angle an image could tell"
-    if not isinstance(scene.camera.projection, Equidistant | KannalaBrandt):
-        name = projection_entry(scene.camera.projection)
-        return f'its lens is {name}; errors of the lens need projection = "equidistant"'
+    if fault := lens_fault(scene):
+        return fault
     rows = imaging.shape[0]
     if not LEAST_ROWS <= rows <= MOST_ROWS:
         return f"its image is {rows} px high; between {LEAST_ROWS} and {MOST_ROWS} can be analysed"
     return ""
-
-
-def designed(path: str) -> Scene:
-    """The scene in a file of a scene or of a finger; that of the bare finger if none is named.
-
-    Raises:
-        UserError: the file describes neither.
-    """
-    if path and "finger" not in read_toml(path, "scene"):
-        return read_scene(Path(path))
-    return (read_finger(path) if path else bare_finger()).scene()
-
-
-def carried_by_camera(scene: Scene) -> tuple[int, ...]:
-    """Indices of the blockers that move with the camera: its body."""
-    return tuple(i for i, part in enumerate(scene.layout.blockers) if part.name == BODY)
-
-
-OUT_OF_SECTION = ("yaw", "roll", "mirror_lean", "mirror_bow", "pad_lean", "lateral_color")
-
-
-def in_section(errors: Fabrication) -> Fabrication:
-    """The same errors but for those that turn parts out of the section, or concern colors."""
-    return replace(errors, **dict.fromkeys(OUT_OF_SECTION))
-
-
-def deviations_of(tolerances: MadeSpec, scene: Scene) -> Fabrication:
-    """Standard deviation of every error of fabrication that a scene can have."""
-    mirrors, pads, layers = len(scene.mirrors), len(scene.pads), scene.layers
-    moves = scene.camera.pupil_shift is not None
-    of_layers = (0, 0) if layers is None else layers.thickness.shape
-
-    def angles(degrees: float, count: int) -> Float[Array, " parts"]:
-        return jnp.full(count, math.radians(degrees))
-
-    return Fabrication(
-        camera=jnp.full(2, tolerances.camera_position),
-        lateral=tolerances.camera_position,
-        tilt=math.radians(tolerances.camera_tilt_deg),
-        mirror_tilt=angles(tolerances.mirror_tilt_deg, mirrors),
-        mirror_offset=jnp.full(mirrors, tolerances.mirror_offset),
-        pad_tilt=angles(tolerances.pad_tilt_deg, pads),
-        pad_offset=jnp.full(pads, tolerances.pad_position),
-        pad_shift=jnp.full(pads, tolerances.pad_position),
-        distortion=tolerances.lens_k1,
-        yaw=math.radians(tolerances.camera_yaw_deg),
-        roll=math.radians(tolerances.camera_roll_deg),
-        mirror_lean=angles(tolerances.mirror_lean_deg, mirrors),
-        mirror_bow=jnp.full(mirrors, tolerances.mirror_bow),
-        pad_lean=angles(tolerances.pad_lean_deg, pads),
-        thickness=None if layers is None else jnp.full(of_layers, tolerances.layer_thickness),
-        index=None if layers is None else jnp.full(of_layers, tolerances.layer_index),
-        pupil=tolerances.pupil_shift if moves else None,
-        lateral_color=jnp.full(2, tolerances.lateral_color),
-    )

@@ -66,13 +66,13 @@ def expose(
     """The picture of an image of light.
 
     Args:
-        light: full scales, shape (rows, columns, 3).
+        light: full scales, shape (rows, columns, 3), or (rows, columns) without colors.
         distance: of what is seen, mm, ∞ where nothing is, shape (rows, columns).
         capture: how it is taken.
         generator: of noise.
 
     Returns:
-        Gray levels, 8 bits, shape (rows, columns, 3), red first.
+        Gray levels, 8 bits, of the light's shape, red first.
     """
     image = light.astype(np.float32)
     if capture.defocus:
@@ -89,11 +89,12 @@ def expose(
     pixels = np.rint(255 * levels).astype(np.uint8)
     if capture.jpeg is None:
         return pixels
-    swapped = np.ascontiguousarray(pixels[..., ::-1])
+    swap = np.s_[..., ::-1] if pixels.ndim == 3 else np.s_[:]  # OpenCV has blue first
+    swapped = np.ascontiguousarray(pixels[swap])
     _, file = cv2.imencode(".jpg", swapped, [cv2.IMWRITE_JPEG_QUALITY, capture.jpeg])
-    stored = cv2.imdecode(file, cv2.IMREAD_COLOR)
+    stored = cv2.imdecode(file, cv2.IMREAD_UNCHANGED)
     assert stored is not None  # it has just been encoded
-    return np.ascontiguousarray(stored[..., ::-1])
+    return np.ascontiguousarray(stored[swap])
 
 
 def _out_of_focus(image: np.ndarray, radius: np.ndarray) -> np.ndarray:

@@ -300,7 +300,7 @@ def _find_views(tables: Tables, lens: Lens, tracer: Tracer) -> list[View]:
     along = within.along / np.array([frame.length for frame in tracer.pads])[within.pad]
 
     def bound(end: int) -> str:
-        if abs(outer[end] - lens.middle[1]) > limit:
+        if abs(outer[end] - (lens.rows - 1) / 2) > limit:
             return "limit of the image"
         if abs(along[end] - 0.5) > 0.5 - AT_END:
             return "end of the pad"

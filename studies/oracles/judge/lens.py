@@ -35,6 +35,7 @@ class Lens(NamedTuple):
         focal: focal length, px.
         rows: of the image, which the field of view fills.
         columns: of the image.
+        offset: of the optical axis from the image's middle, columns and rows.
         heights: image heights at `ANGLES`, as far as they grow.
     """
 
@@ -46,6 +47,7 @@ class Lens(NamedTuple):
     focal: float
     rows: int
     columns: int
+    offset: tuple[float, float]
     heights: np.ndarray
 
     @classmethod
@@ -65,13 +67,14 @@ class Lens(NamedTuple):
         up, right = _turned(up, right, camera.get("roll", 0.0))
         position = np.array([place.real, place.imag, camera.get("lateral", 0.0)])
         first, second = camera.get("pupil_shift") or (0.0, 0.0)
-        columns = round(aspect * rows)
-        return cls(position, axis, up, right, (first, second), focal, rows, columns, heights)
+        columns, offset = round(aspect * rows), camera.get("axis_offset_px") or (0.0, 0.0)
+        place = position, axis, up, right
+        return cls(*place, (first, second), focal, rows, columns, offset, heights)
 
     @property
     def middle(self) -> tuple[float, float]:
         """Column and row of the optical axis; whole numbers are the middles of pixels."""
-        return (self.columns - 1) / 2, (self.rows - 1) / 2
+        return (self.columns - 1) / 2 + self.offset[0], (self.rows - 1) / 2 + self.offset[1]
 
     def rays(self, places: np.ndarray) -> np.ndarray:
         """Unit vectors (x, y, z) of places (column, row), shape (places, 2).

@@ -1,10 +1,13 @@
 """Exposure against rounding by hand, the normal distribution and its moments."""
 
+import io
+
 import numpy as np
 import pytest
+from PIL import Image
 from scipy.stats import norm
 
-from optics.rendering import Effects
+from optics.rendering import Effects, encode_picture
 from optics.rendering.exposure import READ_NOISE, exposed
 
 STEP = 1 / 255
@@ -97,6 +100,23 @@ def test_compression_changes_little_and_keeps_the_colours():
     red = even(0.0, (32, 32))
     red[..., 0] = 0.8
     np.testing.assert_allclose(picture(red, jpeg=8.0), picture(red), atol=4)
+
+
+def test_files_of_pictures_are_what_another_library_reads():
+    pixels = picture(ramps()).astype(np.uint8)
+    with Image.open(io.BytesIO(encode_picture(pixels))) as file:
+        assert file.format == "PNG"
+        np.testing.assert_array_equal(np.asarray(file), pixels)
+    for quality in (60, 95):
+        again = io.BytesIO()
+        Image.fromarray(pixels).save(again, "JPEG", quality=quality)
+        with (
+            Image.open(io.BytesIO(encode_picture(pixels, quality))) as file,
+            Image.open(again) as other,
+        ):
+            assert file.format == "JPEG"
+            assert vars(file)["quantization"] == vars(other)["quantization"]
+            np.testing.assert_allclose(np.asarray(file).astype(int), np.asarray(other), atol=2)
 
 
 def test_a_response_codes_light_by_its_power():

@@ -43,6 +43,25 @@ def test_a_sphere_is_a_cap():
     assert sharp(imprint, np.array([12.0]), np.array([1.0])) == pytest.approx(DEPTH)
 
 
+@pytest.mark.parametrize(("diameter", "depth"), [(6.0, 1.0), (1.0, 0.5), (12.0, 0.2)])
+def test_a_contact_has_its_diameter_and_depth(diameter, depth):
+    imprint = Imprint.of_contact(12.0, -1.0, diameter, depth)
+    turns = np.linspace(0, 2 * np.pi, 32, endpoint=False)
+    for share, inside in ((0.99, True), (1.01, False)):
+        off = share * diameter / 2 * np.array([np.cos(turns), np.sin(turns)])
+        heights = sharp(imprint, 12 + off[0], off[1] - 1)
+        assert ((heights > 0) == inside).all()
+    assert sharp(imprint, np.array([12.0]), np.array([-1.0])) == pytest.approx(depth)
+    # Places on an arc see its chord under one angle (the inscribed angle theorem).
+    along = np.linspace(-0.45, 0.45, 10) * diameter
+    heights = sharp(imprint, 12 + along, np.full(10, -1.0))[0]
+    first, last = (
+        np.arctan2(heights, along + diameter / 2),
+        np.arctan2(heights, diameter / 2 - along),
+    )
+    np.testing.assert_allclose(first + last, 2 * np.arctan(2 * depth / diameter), atol=1e-6)
+
+
 def test_the_balls_of_an_array_are_nine():
     imprint = Imprint("ball array", 12.0, 0.0, DEPTH)
     rng = np.random.default_rng(1)

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2, kstest
 
+from designopt.fitting import ROBUST
 from designopt.solution import Solution
 from perception.proprioception import (
     FingerErrors,
@@ -20,7 +21,6 @@ from perception.proprioception import (
     find_pose,
     split_estimates,
 )
-from perception.proprioception.corners import ROBUST
 from tests.perception.proprioception.toy import (
     ERRORS,
     FOCAL,

@@ -1,0 +1,292 @@
+"""Bundle adjustment on rays: one lens, and a pose of the board in every picture.
+
+Source: B. Triggs et al., *Bundle adjustment, a modern synthesis*, 2000, §4 and §6: least squares
+over all unknowns together, a Jacobian of which most entries are 0, and robust weights; each picture
+by its own QR factorisation.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from designopt.fitting import Fit, least_squares, robust_residuals
+from designopt.numerics import safe_sqrt
+from optics.calibration.fisheye import Fisheye
+
+LENS = 9
+"""Parameters of a lens: focal length, principal point, k₁ … k₄, e₂, e₄."""
+
+POSE = 6
+"""Parameters of a board's pose: a turn after that of its start, and a translation."""
+
+OWN = LENS + POSE
+"""Parameters that the corners of one picture depend on."""
+
+TOLERANCE, STEPS = 1e-10, 100
+"""Of the search, and a cap on its steps."""
+
+BOLD = 1e3
+"""First steps are nearly those of Gauss and Newton: from a fit to other corners 9 are enough, not
+30, and from a rough start they are as many."""
+
+POSE_STEPS = 30
+"""Cap on the steps of the search for a single pose."""
+
+LOOSE = 1e3
+"""Standard deviation of a pose before anything is seen, rad and mm: no information."""
+
+
+class Sightings(eqx.Module):
+    """Where points of a plane board are seen in several pictures, filled up to one number.
+
+    Attributes:
+        points: in the board's plane, mm.
+        places: column and row.
+        deviations: standard deviation of either, px; infinite where nothing is seen.
+    """
+
+    points: Float[Array, "pictures most 2"]
+    places: Float[Array, "pictures most 2"]
+    deviations: Float[Array, "pictures most"]
+
+    @property
+    def used(self) -> Bool[Array, "pictures most"]:
+        """What is seen."""
+        return jnp.isfinite(self.deviations)
+
+
+class Poses(eqx.Module):
+    """From boards to the camera frame: x ↦ turn (x, y, 0) + shift (mm)."""
+
+    turns: Float[Array, "*pictures 3 3"]
+    shifts: Float[Array, "*pictures 3"]
+
+
+class Prior(NamedTuple):
+    """What is known of the lens before, in the order of its parameters.
+
+    Attributes:
+        mean: the expected parameters.
+        deviation: their standard deviations; 0 holds a parameter where it is.
+    """
+
+    mean: Float[np.ndarray, "9"]
+    deviation: Float[np.ndarray, "9"]
+
+
+class Bundle(NamedTuple):
+    """What a bundle adjustment found.
+
+    Attributes:
+        lens: the lens.
+        poses: of the board.
+        residuals: found minus seen places, px, used or not; 0 where there is none.
+        covariance: of the lens's parameters, by the stated deviations.
+        solved: whether the search ended at a minimum.
+        scatter: mean square of what pictures contradict each other by in the lens's parameters, in
+            units of what the stated deviations let expect: above 1, corners of one picture are off
+            together, or no lens of this kind is right.
+    """
+
+    lens: Fisheye
+    poses: Poses
+    residuals: Float[np.ndarray, "pictures most 2"]
+    covariance: Float[np.ndarray, "9 9"]
+    solved: bool
+    scatter: float
+
+
+def parameters_of(lens: Fisheye) -> Float[np.ndarray, "9"]:
+    """Focal length, principal point, k₁ … k₄, e₂ and e₄."""
+    parts = lens.focal[None], lens.principal, lens.coefficients, lens.pupil_shift
+    return np.concatenate([np.asarray(part) for part in parts])
+
+
+def lens_of(parameters: Float[Array, "9"] | Float[np.ndarray, "9"]) -> Fisheye:
+    """The lens of these parameters; inverts `parameters_of`."""
+    return Fisheye(parameters[0], parameters[1:3], parameters[3:7], parameters[7:9])
+
+
+def adjust(
+    sightings: Sightings, lens: Fisheye, poses: Poses, prior: Prior, *, robust: bool
+) -> Bundle:
+    """Lens and poses with the least squared residuals, or the least pseudo-Huber loss.
+
+    Args:
+        sightings: of the board.
+        lens: where to start.
+        poses: where to start.
+        prior: of the lens.
+        robust: whether corners off by many deviations count less.
+    """
+    start = jnp.asarray(parameters_of(lens))
+    mean, deviation = map(jnp.asarray, prior)
+    found = _adjusted(sightings, start, poses, mean, deviation, jnp.asarray(robust))
+    parameters, moved, left, solved, covariance, scatter = found
+    arrays = np.asarray(left), np.asarray(covariance)
+    return Bundle(lens_of(parameters), moved, *arrays, bool(solved), float(scatter))
+
+
+def turn(vector: Float[Array, "3"]) -> Float[Array, "3 3"]:
+    """The rotation matrix of a rotation vector (rad; Rodrigues' formula)."""
+    square = jnp.sum(vector * vector)
+    small = square < 1e-12
+    angle = jnp.sqrt(jnp.where(small, 1.0, square))
+    first = jnp.where(small, 1.0 - square / 6, jnp.sin(angle) / angle)
+    second = jnp.where(small, 0.5 - square / 24, (1 - jnp.cos(angle)) / (angle * angle))
+    x, y, z = vector
+    zero = jnp.zeros_like(x)
+    cross = jnp.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]])
+    return jnp.eye(3) + first * cross + second * cross @ cross
+
+
+def place_errors(
+    lens: Float[Array, "9"],
+    pose: Float[Array, "6"],
+    base: tuple[Float[Array, "3 3"], Float[Array, "3"]],
+    points: Float[Array, "most 2"],
+    places: Float[Array, "most 2"],
+) -> Float[Array, "most 2"]:
+    """Predicted minus seen places of one picture, px, with a pose moved from its base."""
+    rotation = turn(pose[:3]) @ base[0]
+    return lens_of(lens).places(points @ rotation[:, :2].T + (base[1] + pose[3:])[None]) - places
+
+
+@eqx.filter_jit
+def _adjusted(
+    sightings: Sightings,
+    start: Float[Array, "9"],
+    poses: Poses,
+    mean: Float[Array, "9"],
+    deviation: Float[Array, "9"],
+    robust: Bool[Array, ""],
+) -> tuple[Array, Poses, Array, Array, Array, Array]:
+    count, _ = sightings.deviations.shape
+    weights = jnp.where(sightings.used, 1 / sightings.deviations, 0.0)
+    there = jnp.isfinite(sightings.places)
+    places = jnp.where(there, sightings.places, 0.0)
+    free = deviation > 0
+    start = jnp.where(free, start, mean)
+
+    def pictures(values: Array) -> tuple[Array, Array]:
+        return values[:LENS], values[LENS:].reshape(count, POSE)
+
+    def weighted(lens: Array, pose: Array, *one: Array) -> Array:
+        turns, shifts, points, seen, weight = one
+        off = place_errors(lens, pose, (turns, shifts), points, seen) * weight[:, None]
+        # What is not seen may have no place.
+        off = jnp.where(weight[:, None] > 0, off, 0.0).reshape(-1)
+        return jnp.where(robust, robust_residuals(off), off)
+
+    given = poses.turns, poses.shifts, sightings.points, places, weights
+    spread = jnp.where(free, deviation, 1.0)
+
+    def condensed(lens: Array, pose: Array, *one: Array) -> tuple[Array, Array]:
+        """One picture in as few numbers as it has parameters, with the same squares and slopes.
+
+        An orthogonal map leaves sums of squares, gradients and normal equations as they are: to
+        hundreds of corners belong `OWN` residuals that depend on parameters and the norm of what
+        does not. Poses come first, so that the last rows are free of them.
+        """
+        by_lens, by_pose = jax.jacfwd(weighted, (0, 1))(lens, pose, *one)
+        slopes = jnp.concatenate([by_pose, jnp.where(free[None], by_lens, 0.0)], axis=1)
+        basis, triangle = jnp.linalg.qr(slopes)
+        left = weighted(lens, pose, *one)
+        along = basis.T @ left
+        rest = safe_sqrt(jnp.sum((left - basis @ along) ** 2))
+        return jnp.append(along, rest), triangle
+
+    every_picture = jax.vmap(condensed, (None, 0, 0, 0, 0, 0, 0))
+
+    def residuals(values: Array, _: None) -> Array:
+        lens, pose = pictures(values)
+        seen = every_picture(lens, pose, *given)[0]
+        before = (lens - mean) / spread, pose.reshape(-1) / LOOSE
+        return jnp.concatenate([seen.reshape(-1), *before])
+
+    def jacobian(values: Array, _: None) -> Array:
+        triangles = every_picture(*pictures(values), *given)[1]
+        slopes = jnp.pad(triangles, ((0, 0), (0, 1), (0, 0)))
+        by_pose, by_lens = slopes[..., :POSE], slopes[..., POSE:].reshape(-1, LENS)
+        apart = by_pose[:, :, None, :] * jnp.eye(count)[:, None, :, None]
+        seen = jnp.concatenate([by_lens, apart.reshape(-1, count * POSE)], axis=1)
+        before = jnp.concatenate([1 / spread, jnp.full(count * POSE, 1 / LOOSE)])
+        return jnp.concatenate([seen, jnp.diag(before)])
+
+    # A step of one in any direction changes the residuals alike: Marquardt's scaling. Damping
+    # begins as the square of one over `BOLD`.
+    begin = jnp.concatenate([start, jnp.zeros(count * POSE)])
+    size = jnp.linalg.norm(residuals(begin, None))
+    unit = BOLD * size / jnp.linalg.norm(jacobian(begin, None), axis=0)
+    fit: Fit = least_squares(
+        lambda z, _: residuals(begin + unit * z, None),
+        jnp.zeros_like(begin),
+        jacobian=lambda z, _: jacobian(begin + unit * z, None) * unit[None],
+        tolerance=TOLERANCE,
+        max_steps=STEPS,
+        differentiable=False,
+    )
+    values = begin + unit * fit.solution.value
+    lens, pose = pictures(values)
+    left = jax.vmap(place_errors, (None, 0, 0, 0, 0))(lens, pose, given[:2], *given[2:4])
+    left = jnp.where(there, left, 0.0)
+    moved = Poses(jax.vmap(turn)(pose[:, :3]) @ poses.turns, poses.shifts + pose[:, 3:])
+    covariance = (fit.covariance * unit[None] * unit[:, None])[:LENS, :LENS]
+    covariance = jnp.where(free[None] & free[:, None], covariance, 0.0)
+    seen, triangles = every_picture(lens, pose, *given)
+    own, slopes = seen[:, POSE:OWN], triangles[:, POSE:, POSE:]
+    expected = LENS - jnp.einsum("pij,jk,pik->p", slopes, covariance, slopes)
+    shown = jnp.any(weights > 0, axis=1)
+    scatter = jnp.sum(jnp.where(shown[:, None], own**2, 0.0))
+    scatter /= jnp.maximum(jnp.sum(jnp.where(shown, expected, 0.0)), 1.0)
+    return lens, moved, left, fit.solution.ok, covariance, scatter
+
+
+def find_poses(
+    lens: Fisheye, sightings: Sightings, poses: Poses
+) -> tuple[Poses, Float[np.ndarray, "pictures most 2"]]:
+    """The pose of the board in every picture by itself, with a lens that is known.
+
+    Args:
+        lens: of the camera.
+        sightings: of the board.
+        poses: where to start.
+
+    Returns:
+        Poses of the least pseudo-Huber loss, and found minus seen place of every corner, px, of
+        those that have a place, used or not.
+    """
+    found, left = _posed(jnp.asarray(parameters_of(lens)), sightings, poses)
+    return found, np.asarray(left)
+
+
+@eqx.filter_jit
+def _posed(lens: Float[Array, "9"], sightings: Sightings, poses: Poses) -> tuple[Poses, Array]:
+    def one(base: tuple[Array, Array], points: Array, places: Array, weight: Array) -> Any:
+        def residuals(values: Array, _: None) -> Array:
+            off = place_errors(lens, values, base, points, places) * weight[:, None]
+            off = jnp.where(weight[:, None] > 0, off, 0.0)
+            return jnp.concatenate([robust_residuals(off).reshape(-1), values / LOOSE])
+
+        fit = least_squares(
+            residuals,
+            jnp.zeros(POSE),
+            tolerance=TOLERANCE,
+            max_steps=POSE_STEPS,
+            differentiable=False,
+        )
+        pose = fit.solution.value
+        left = place_errors(lens, pose, base, points, places)
+        return Poses(turn(pose[:3]) @ base[0], base[1] + pose[3:]), left
+
+    weights = jnp.where(sightings.used, 1 / sightings.deviations, 0.0)
+    there = jnp.isfinite(sightings.places)
+    places = jnp.where(there, sightings.places, 0.0)
+    found, left = jax.vmap(one)((poses.turns, poses.shifts), sightings.points, places, weights)
+    return found, jnp.where(there, left, 0.0)

@@ -1,0 +1,5 @@
+"""Where pictures come from: files, folders, videos, cameras, addresses; nothing is lost unsaid."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,1 @@
+"""Commands on pictures of a finger: they need optics and perception both, or whole fingers."""

@@ -1,0 +1,120 @@
+"""The command ``designopt calibrate``: a lens from pictures of a board, a finger from frames."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from designopt.compilation_cache import NoCache, keep_programs
+
+calibrate = typer.Typer(help="Calibrate a lens, or a finger, from pictures.", no_args_is_help=True)
+
+
+@calibrate.command("lens")
+def calibrate_lens(
+    pictures: Annotated[
+        str, typer.Argument(metavar="FOLDER|VIDEO", help="Pictures of a calibration board.")
+    ],
+    board: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="BOARD.toml",
+            help="The board, as 'designopt new board' writes it.",
+            show_default="that command's",
+        ),
+    ] = None,
+    distance: Annotated[
+        str,
+        typer.Option(
+            metavar="MM:MM",
+            help="Nearest and farthest distance of the board from the lens, mm: those at which "
+            "the finger's pads will be. Pictures from elsewhere give a warning.",
+        ),
+    ] = "15:60",
+    out: Annotated[
+        Path, typer.Option(metavar="LENS.toml", help="Where to the lens; its figure stands beside.")
+    ] = Path("lens.toml"),
+    force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
+    no_cache: NoCache = False,
+) -> int:
+    """Find projection, principal point and moving pupil of a camera from pictures of a board.
+
+    Example:
+      designopt calibrate lens pictures --out lens.toml
+    """
+    keep_programs()
+    # Loaded here, so that listing the commands loads neither JAX nor OpenCV.
+    from studies.commands.lens import calibrate_from
+
+    lines, warnings = calibrate_from(pictures, board, distance, out, force=force)
+    for line in warnings:
+        print(f"warning: {line}", file=sys.stderr)
+    print("\n".join(lines))
+    return 0
+
+
+@calibrate.command("finger")
+def calibrate_finger(
+    frames: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FRAMES.csv",
+            help="Pictures and joint angles: the columns are image and, of each joint, "
+            "<joint>_deg, which is empty where the angle is not known.",
+        ),
+    ],
+    lens: Annotated[
+        Path,
+        typer.Option(metavar="LENS.toml", help="The lens, as 'designopt calibrate lens' has it."),
+    ],
+    finger: Annotated[
+        Path, typer.Option(metavar="FINGER.toml", help="The finger as designed, or its scene.")
+    ],
+    out: Annotated[
+        Path, typer.Option(metavar="NAME.sensor", help="The folder of the sensor.")
+    ] = Path("finger.sensor"),
+    width: Annotated[
+        float | None,
+        typer.Option(metavar="MM", help="Of the pads.", show_default="as the file states"),
+    ] = None,
+    gamma: Annotated[
+        float | None,
+        typer.Option(
+            metavar="G",
+            help="The camera's codes are light^(1/G).",
+            show_default="that of the frames",
+            min=0.3,
+            max=4.0,
+        ),
+    ] = None,
+    label_deviation: Annotated[
+        float, typer.Option(metavar="DEG", help="Standard deviation of the joint angles.")
+    ] = 0.1,
+    force: Annotated[bool, typer.Option("--force", help="Replace an earlier sensor.")] = False,
+    no_cache: NoCache = False,
+) -> int:
+    """Find the errors of a finger from frames, some with known joint angles, and make a sensor.
+
+    Example:
+      designopt calibrate finger frames.csv --lens lens.toml --finger finger.toml --out my.sensor
+    """
+    keep_programs()
+    from studies.commands.finger import calibrate_finger_from
+
+    lines, warnings = calibrate_finger_from(
+        frames,
+        lens,
+        finger,
+        out,
+        width=width,
+        gamma=gamma,
+        label_deviation_deg=label_deviation,
+        force=force,
+    )
+    for line in warnings:
+        print(f"warning: {line}", file=sys.stderr)
+    print("\n".join(lines))
+    return 0

@@ -1,0 +1,207 @@
+"""From frames of a finger, some with known joint angles, to a sensor."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from designopt.errors import UserError
+from designopt.io.files import check_new_folder, printable
+from designopt.solution import Solution
+from designopt.study.result_folders import result_folder, write_document
+from optics.calibration import read_lens
+from perception.proprioception import (
+    Calibration,
+    CalibrationResult,
+    calibrate,
+    observe,
+    stack_observations,
+)
+from perception.sources import Frame, LostFrame, open_source
+from studies.models.sensor.finger_sensor import FingerSensor
+from studies.models.sensor.imaged import designed, width_of
+from studies.models.sensor.sensor_folder import Sensor, finger_sensor, write_sensor
+from studies.models.sensor.spec import MadeSpec
+
+GAMMAS = np.arange(1.0, 2.61, 0.2)
+"""Responses of cameras that are tried; that with the least scatter of the frames is taken."""
+
+
+class LabelledFrames(NamedTuple):
+    """Frames of a finger, and their labels.
+
+    Attributes:
+        names: of the pictures.
+        images: red, green and blue.
+        angles: rad; NaN where none is known.
+    """
+
+    names: list[str]
+    images: UInt8[np.ndarray, "frames rows columns 3"]
+    angles: Float[np.ndarray, "frames joints"]
+
+
+def calibrate_finger_from(
+    frames: Path,
+    lens_file: Path,
+    finger_file: Path,
+    out: Path,
+    *,
+    width: float | None,
+    gamma: float | None,
+    label_deviation_deg: float,
+    force: bool,
+) -> tuple[list[str], list[str]]:
+    """Calibrate a finger from frames and write the sensor's folder.
+
+    Args:
+        frames: CSV file of pictures and joint angles, degrees.
+        lens_file: of the camera.
+        finger_file: of the finger, or of its scene.
+        out: the folder.
+        width: of the pads, mm; ``None`` for that in the file.
+        gamma: of the camera's response; ``None`` if it is not known.
+        label_deviation_deg: standard deviation of the joint angles in the CSV file.
+        force: whether an earlier sensor may be replaced.
+
+    Returns:
+        Lines of the result, and warnings.
+
+    Raises:
+        UserError: a file or an option is wrong, or the frames contradict the finger.
+    """
+    check_new_folder(out, force=force)
+    if not label_deviation_deg > 0:
+        raise UserError(f"--label-deviation {label_deviation_deg:g}: it is a positive angle")
+    with jax.enable_x64(True):
+        lens = read_lens(lens_file)
+        scene, tolerances = designed(str(finger_file)), MadeSpec()
+        wide = width_of(scene) if width is None else width
+        finger = finger_sensor(scene, lens, wide, tolerances, 1.0)
+        labelled, lost = read_frames(frames, finger.model.names, lens.size)
+        some = np.isfinite(labelled.angles).any()
+        deviation = math.radians(label_deviation_deg) if some else None
+        tried = [gamma] if gamma is not None else GAMMAS.tolist()
+        fits = [_calibrated(finger.with_response(one), labelled, deviation) for one in tried]
+        # Where no minimum is found, the margin is −1 and the scatter means nothing.
+        best = int(np.argmax([float(one.margin) for one in fits]))
+        found, response = fits[best], round(tried[best], 3)
+        if not bool(found.ok):
+            raise UserError(f"{frames}: {CalibrationResult[found.result]}")
+        sensor = Sensor(
+            printable(out.stem), finger.with_response(response), scene, lens, tolerances,
+            response, found.value.errors, float(found.value.scatter),
+            np.asarray(found.value.angles), labelled.images,
+        )  # fmt: skip
+        with result_folder(out, force=force) as folder:
+            write_sensor(sensor, folder)
+            write_document(folder, _document(sensor, labelled))
+        return [printable(str(out)), *_summary(sensor, labelled)], lost
+
+
+def read_frames(
+    path: Path, joints: Sequence[str], size: tuple[int, int]
+) -> tuple[LabelledFrames, list[str]]:
+    """The frames that a CSV file lists, and lines on those that cannot be read.
+
+    Its columns are ``image``, a picture's file seen from the CSV file's folder, and for each joint
+    ``<joint>_deg``; a cell is empty where the angle is not known.
+
+    Raises:
+        UserError: the file, a column, a cell or a picture is none of that.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            rows = list(csv.DictReader(stream, strict=True))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise UserError(f"{path}: cannot be read as CSV: {reason}; correct it") from error
+    columns = ["image", *(f"{joint}_deg" for joint in joints)]
+    if not rows:
+        listed = ", ".join(columns)
+        raise UserError(f"{path}: it has no rows; list pictures, with the columns {listed}")
+    given = [name for name in rows[0] if name is not None]
+    if missing := [name for name in columns if name not in given]:
+        raise UserError(
+            f"{path}: column '{missing[0]}' is missing; its columns are {', '.join(columns)}"
+        )
+    if unknown := [name for name in given if name not in columns]:
+        raise UserError(
+            f"{path}: there is no column '{unknown[0]}'; its columns are {', '.join(columns)}"
+        )
+    names, images, angles, lost = [], [], [], []
+    for number, row in enumerate(rows, 2):
+        labels = [_angle(path, number, name, row[name]) for name in columns[1:]]
+        try:
+            source = open_source(str(path.parent / (row["image"] or "")), size=size)
+        except UserError as error:
+            lost.append(f"{path.name}, line {number}: {error}")
+            continue
+        with source:
+            for item in source:
+                if isinstance(item, Frame):
+                    names.append(item.name)
+                    images.append(item.image)
+                    angles.append(labels)
+                elif isinstance(item, LostFrame):
+                    lost.append(str(item))
+    if not names:
+        raise UserError(f"{path}: none of its pictures can be used; the first: {lost[0]}")
+    return LabelledFrames(names, np.array(images), np.radians(angles)), lost
+
+
+def _angle(path: Path, number: int, column: str, text: str | None) -> float:
+    if not text or not text.strip():
+        return math.nan
+    try:
+        angle = float(text)
+    except ValueError:
+        angle = math.inf
+    if not abs(angle) <= 180:
+        raise UserError(
+            f"{path}: line {number}, {column}: '{text}' is no angle in degrees; correct it"
+        )
+    return angle
+
+
+def _calibrated(
+    finger: FingerSensor, frames: LabelledFrames, deviation: float | None
+) -> Solution[Calibration]:
+    sightings = [finger.detect(image) for image in frames.images]
+    seen = stack_observations([observe(one, finger.model.views) for one in sightings])
+    rough = np.array([one.angles for one in sightings])
+    return calibrate(finger.model, seen, rough if deviation is None else frames.angles, deviation)
+
+
+def _summary(sensor: Sensor, frames: LabelledFrames) -> Iterator[str]:
+    labels = int(np.isfinite(frames.angles).any(axis=1).sum())
+    yield f"frames: {len(frames.names)}, {labels} with known joint angles"
+    yield f"camera: gamma {sensor.gamma:g}"
+    yield f"scatter: {sensor.scatter:.2f} of the stated deviations of corners and labels"
+    both = np.degrees(sensor.angles), np.degrees(frames.angles)
+    for name, found, label in zip(frames.names, *both, strict=True):
+        listed = [
+            f"{joint} {one:.2f}°" + ("" if np.isnan(known) else f" (label {known:.2f}°)")
+            for joint, one, known in zip(sensor.finger.model.names, found, label, strict=True)
+        ]
+        yield f"{name}: {', '.join(listed)}"
+
+
+def _document(sensor: Sensor, frames: LabelledFrames) -> dict[str, Any]:
+    joints = sensor.finger.model.names
+    angles = np.degrees(sensor.angles).tolist()
+    return {
+        "gamma": sensor.gamma,
+        "scatter": sensor.scatter,
+        "frames": [
+            {"image": name, **{f"{joint}_deg": one for joint, one in zip(joints, row, strict=True)}}
+            for name, row in zip(frames.names, angles, strict=True)
+        ],
+    }

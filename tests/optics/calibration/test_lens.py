@@ -1,0 +1,90 @@
+"""A lens from pictures whose truth is the judge's: errors in deviations, wrong corners, faults."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from designopt import UserError
+from optics.calibration import PupilModel
+from optics.calibration.bundle import parameters_of
+from optics.calibration.lens import calibrate_lens
+from tests.optics.calibration.pictures import LENS, NOISE, POINTS, TRUTH, boards, sightings
+
+
+@pytest.fixture(scope="module")
+def fit():
+    seen, wrong = sightings(*boards(0, 8), 1, wrong=0.03)
+    return calibrate_lens(seen, LENS.size, "judge"), wrong
+
+
+def test_the_lens_is_right_within_its_deviations(fit):
+    found, _ = fit
+    calibrated = found.calibrated
+    off = parameters_of(calibrated.lens) - TRUTH
+    # χ² of nine parameters: below 27.9 with a probability of 0.999.
+    assert off @ np.linalg.solve(calibrated.covariance, off) < 27.9
+    assert found.pupil is PupilModel.MOVING
+    assert calibrated.noise == pytest.approx(NOISE, rel=0.1)
+    # The median distance of a corner is 1.18 deviations; poses and lens add a little.
+    assert calibrated.held_out == pytest.approx(1.18 * NOISE, rel=0.25)
+    assert calibrated.pictures == 8
+    assert calibrated.widest < np.radians(85.1)
+
+
+def test_wrong_corners_are_left_out(fit):
+    found, wrong = fit
+    assert wrong.sum() > 5
+    assert not np.any(found.used & wrong)
+    right = np.isfinite(np.asarray(found.sightings.places)[..., 0]) & ~wrong
+    assert np.mean(found.used[right]) > 0.995
+
+
+def test_distances_and_angles_are_those_of_the_boards(fit):
+    found, _ = fit
+    turns, shifts = boards(0, 8)
+    points = POINTS @ np.swapaxes(turns[..., :2], 1, 2) + shifts[:, None]
+    middles = [one[used].mean(axis=0) for one, used in zip(points, found.used, strict=True)]
+    np.testing.assert_allclose(found.distances(), np.linalg.norm(middles, axis=1), rtol=1e-3)
+    straight = np.arctan2(np.hypot(points[..., 0], points[..., 1]), points[..., 2])
+    # The pupil moves forward by at most 1.5 mm, the boards are 18 mm away and more.
+    assert np.all(found.angles() >= straight - 1e-3)
+    assert np.all(found.angles() - straight < 0.1)
+
+
+def test_the_pupil_is_fixed_where_nothing_shows_that_it_moves():
+    still = LENS._replace(pupil=(0.0, 0.0))
+    seen, _ = sightings(*boards(4, 8), 5, lens=still)
+    found = calibrate_lens(seen, LENS.size)
+    assert found.pupil is PupilModel.FIXED
+    assert parameters_of(found.calibrated.lens)[7:].tolist() == [0.0, 0.0]
+    assert found.calibrated.deviations[7:].tolist() == [0.0, 0.0]
+
+
+def test_pictures_that_show_too_little_are_left_out(fit):
+    turns, shifts = boards(0, 8)
+    seen, _ = sightings(turns, shifts, 1)
+    hidden = np.asarray(seen.deviations).copy()
+    hidden[3, 5:] = np.inf
+    found = calibrate_lens(type(seen)(seen.points, seen.places, jnp.asarray(hidden)), LENS.size)
+    assert found.pictures.tolist() == [0, 1, 2, 4, 5, 6, 7]
+    assert len(found.residuals) == 7
+
+
+def test_too_few_pictures_are_an_error():
+    seen, _ = sightings(*boards(0, 2), 1)
+    with pytest.raises(UserError, match="2 of 2 pictures show at least 6 corners"):
+        calibrate_lens(seen, LENS.size)
+
+
+def test_corners_that_are_none_are_an_error():
+    seen, _ = sightings(*boards(0, 8), 1)
+    anywhere = np.random.default_rng(0).uniform(0, 900, seen.places.shape)
+    with pytest.raises(UserError, match="no lens fits the pictures: half of the corners"):
+        calibrate_lens(type(seen)(seen.points, jnp.asarray(anywhere), seen.deviations), LENS.size)
+
+
+def test_pictures_are_numbered_as_given(fit):
+    found, _ = fit
+    assert found.pictures.tolist() == list(range(8))
+    assert jax.tree.map(lambda leaf: leaf.shape[0], found.poses).shifts == 8

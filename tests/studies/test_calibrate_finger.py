@@ -1,0 +1,154 @@
+"""`designopt calibrate finger` on frames of a finger whose errors and angles are known."""
+
+import csv
+import shutil
+from importlib.resources import files
+
+import cv2
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from designopt import UserError, cli
+from optics import Imaging
+from optics.calibration import CalibratedLens, Fisheye, write_lens
+from optics.rendering import Effects
+from perception.proprioception import find_pose, observe
+from studies.commands.finger import read_frames
+from studies.models.sensor.finger_sensor import FingerSensor
+from studies.models.sensor.lens_in_scene import with_lens
+from studies.models.sensor.sensor_folder import read_sensor
+from studies.models.sensor.spec import FingerImagesSpec
+
+ROWS = 540
+ANGLES_DEG = np.array([[56, 27], [8, 6], [70, 78], [54, 63], [48, 80], [70, 5], [30, 40.0]])
+LABELLED = 5
+
+
+def lens_as_designed(finger, **changes):
+    """The designed camera's lens, as a calibration has it."""
+    rows, columns = finger.imaging.shape
+    values = {
+        "lens": Fisheye(
+            finger.scene.camera.focal_pixels,
+            np.array([(columns - 1) / 2, (rows - 1) / 2]),
+            np.zeros(4),
+            np.zeros(2),
+        ),
+        "size": (columns, rows),
+        "covariance": 1e-8 * np.eye(9),
+        "noise": 0.02,
+        "held_out": 0.02,
+        "widest": 1.5,
+        "distances": (20.0, 50.0),
+        "pictures": 12,
+    }
+    return CalibratedLens(**values | changes)
+
+
+@pytest.fixture(scope="module")
+def finger():
+    return FingerSensor.of(FingerImagesSpec(), rows=ROWS)
+
+
+@pytest.fixture(scope="module")
+def folder(finger, tmp_path_factory):
+    """A lens, a finger's file, frames with labels that are off by 0.1°, and their list."""
+    folder = tmp_path_factory.mktemp("frames")
+    write_lens(lens_as_designed(finger), folder / "lens.toml")
+    shutil.copy(str(files("studies") / "models/bare_finger.toml"), folder / "finger.toml")
+    camera = finger.made_renderer(Effects(), seed=3)
+    labels = ANGLES_DEG + np.random.default_rng(0).normal(0, 0.1, ANGLES_DEG.shape)
+    with (folder / "frames.csv").open("w", newline="") as stream:
+        rows = csv.writer(stream)
+        rows.writerow(["image", "pip_deg", "dip_deg"])
+        for number, angles in enumerate(ANGLES_DEG):
+            image = camera.render(np.radians(angles), frame=number).pixels
+            cv2.imwrite(str(folder / f"{number}.png"), image[..., ::-1])
+            known = labels[number].round(4).tolist() if number < LABELLED else ["", ""]
+            rows.writerow([f"{number}.png", *known])
+        rows.writerow(["missing.png", "", ""])
+    return folder
+
+
+def test_a_scene_with_a_calibrated_lens_images_as_the_lens_does(finger):
+    rows, columns = finger.imaging.shape
+    lens = Fisheye(
+        finger.scene.camera.focal_pixels * 1.02,
+        np.array([columns / 2 + 3.0, rows / 2 - 5.0]),
+        np.array([-0.03, 0.002, 0.0, 0.0]),
+        np.array([0.4, 0.02]),
+    )
+    scene = with_lens(finger.scene, lens_as_designed(finger, lens=lens))
+    camera = scene.camera
+    generator = np.random.default_rng(0)
+    angle, slope = generator.uniform(-1.2, 1.2, 20), generator.uniform(-0.8, 0.8, 20)
+    placed = Imaging.of(camera).place(jnp.asarray(angle), jnp.asarray(slope))
+    # The ray begins at its own pupil on the axis; what it meets 30 mm farther is imaged there.
+    ways = np.stack([slope, -np.sin(angle), np.cos(angle)], axis=-1)
+    ways /= np.linalg.norm(ways, axis=-1, keepdims=True)
+    before = np.asarray(lens.shift(jnp.asarray(np.arccos(ways[:, 2]))))
+    points = 30 * ways + before[:, None] * [0, 0, 1]
+    np.testing.assert_allclose(placed, lens.places(jnp.asarray(points)), atol=1e-6)
+    np.testing.assert_array_equal(camera.pupil_shift, [0.4, 0.02])
+    for size, line in (((rows, columns), "turn the pictures by 90"), ((columns, 300), "cropped")):
+        with pytest.raises(UserError, match=line):
+            with_lens(finger.scene, lens_as_designed(finger, size=size))
+
+
+@pytest.mark.slow
+def test_a_sensor_reads_angles_that_are_not_labelled(folder, capsys):
+    out = folder / "my.sensor"
+    words = ["calibrate", "finger", str(folder / "frames.csv"), "--lens", str(folder / "lens.toml")]
+    words += ["--finger", str(folder / "finger.toml"), "--out", str(out)]
+    assert cli.run([*words, "--gamma", "1"]) == 0
+    captured = capsys.readouterr()
+    assert f"frames: {len(ANGLES_DEG)}, {LABELLED} with known joint angles" in captured.out
+    assert "missing.png" in captured.err
+    sensor = read_sensor(out)
+    # Labels are off by 0.1°, corners by tenths of a pixel.
+    np.testing.assert_allclose(
+        np.degrees(sensor.angles[LABELLED:]), ANGLES_DEG[LABELLED:], atol=0.2
+    )
+    assert sensor.frames.shape == (len(ANGLES_DEG), *sensor.finger.imaging.shape, 3)
+    seen = observe(sensor.finger.detect(sensor.frames[-1]), sensor.finger.model.views)
+    found = find_pose(sensor.finger.model, seen, np.radians([20.0, 50.0]), sensor.errors)
+    assert bool(found.ok.all())
+    np.testing.assert_allclose(np.degrees(found.value.angles), ANGLES_DEG[-1], atol=0.2)
+    assert cli.run([*words, "--gamma", "1"]) == 2
+    assert "exists already" in capsys.readouterr().err
+    (out / "arrays.npz").write_bytes(b"PK nothing")
+    with pytest.raises(UserError, match=r"arrays.npz: cannot be read: it is damaged"):
+        read_sensor(out)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("image,pip_deg\n0.png,3\n", "column 'dip_deg' is missing; its columns are image, pip_deg"),
+        ("image,pip_deg,dip_deg,yaw\n0.png,3,4,5\n", "there is no column 'yaw'"),
+        (
+            "image,pip_deg,dip_deg\n0.png,three,4\n",
+            "line 2, pip_deg: 'three' is no angle in degrees",
+        ),
+        ("image,pip_deg,dip_deg\n0.png,999,4\n", "line 2, pip_deg: '999' is no angle"),
+        ("image,pip_deg,dip_deg\n", "it has no rows"),
+        ("image,pip_deg,dip_deg\nnone.png,1,2\n", "none.png: there is no such file"),
+    ],
+)
+def test_faults_of_a_list_of_frames_are_one_line(tmp_path, text, line):
+    path = tmp_path / "frames.csv"
+    path.write_text(text)
+    cv2.imwrite(str(tmp_path / "0.png"), np.zeros((60, 80), np.uint8))
+    with pytest.raises(UserError) as fault:
+        read_frames(path, ("pip", "dip"), (80, 60))
+    assert line in str(fault.value)
+    assert "\n" not in str(fault.value)
+
+
+def test_a_sensor_that_is_none_is_refused(tmp_path):
+    with pytest.raises(UserError, match="there is no such folder; make a sensor with"):
+        read_sensor(tmp_path / "none.sensor")
+    (tmp_path / "empty.sensor").mkdir()
+    with pytest.raises(UserError, match=r"sensor.toml: cannot be read"):
+        read_sensor(tmp_path / "empty.sensor")
