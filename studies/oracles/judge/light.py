@@ -42,8 +42,8 @@ INSET = 0.02
 PIECES = 160
 """Of a lamp in air."""
 
-SHADOW_PIECES, SHADOW_HEIGHTS, SHADOW_STEPS = 10, 12, 14
-"""Of a lamp that throws shadows, heights on it, and steps of the way to it."""
+SHADOW_PIECES, SHADOW_STEPS = 10, 14
+"""Of a lamp that throws shadows, and steps of the way to it."""
 
 
 class MembraneLight(NamedTuple):
@@ -251,23 +251,25 @@ def _press(pad: Tables, flat: FlatLight, pressed: list, capture: Capture) -> Mem
     round_ = round_ * ((1 + normals[..., 2:]) / 2)
     if capture.light == "lamps":
         for lamp in range(3):
-            direct[..., lamp] *= _shading(pad, length, half, lamp, along, across, heights, normals)
+            direct[..., lamp] *= _shading(
+                pad, length, half, lamp, along, across, heights, normals, capture.heights
+            )
     return MembraneLight(length, half, direct @ COLORS + round_)
 
 
 def _shading(
     pad: Tables, length: float, half: float, lamp: int, along: np.ndarray, across: np.ndarray,
-    heights: np.ndarray, normals: np.ndarray,
+    heights: np.ndarray, normals: np.ndarray, rows: int,
 ) -> np.ndarray:  # fmt: skip
     """Irradiance of the bulging membrane by a lamp over that of the flat one."""
     thickness = sum(layer["thickness"] for layer in pad.get("layers", []))
     low, high, gap = (0.0, 2 * thickness, 0.0) if thickness else (FOOT, TOP, GAP)
-    levels = low + (np.arange(SHADOW_HEIGHTS) + 0.5) / SHADOW_HEIGHTS * (high - low)
+    levels = low + (np.arange(rows) + 0.5) / rows * (high - low)
     points, to, extent = lamp_points(length, half, lamp, SHADOW_PIECES, levels, gap)
     places = np.stack([along, across, heights], axis=-1)
     steps = np.array([length / (along.shape[0] - 1), 2 * half / (along.shape[1] - 1)])
     bright, plain = np.zeros(along.shape), np.zeros(along.shape)
-    for piece in points.reshape(SHADOW_PIECES, SHADOW_HEIGHTS, 3):
+    for piece in points.reshape(SHADOW_PIECES, rows, 3):
         ways = piece[0, :2] - places[..., :2]
         horizon = np.full(along.shape, -np.inf)
         for share in (np.arange(SHADOW_STEPS) + 0.5) ** 2 / SHADOW_STEPS**2:
