@@ -110,7 +110,6 @@ class Pieces(NamedTuple):
         bottom = np.clip(height, self.low, self.high)
         seen = (self.high - bottom) / (self.high - self.low)
         rising = ((self.high + bottom) / 2 - height) * upright
-        total = np.zeros_like(rising)
-        for along, across, weight in zip(self.along, self.across, self.weight, strict=True):
-            total += weight * np.maximum(along * by_along + across * by_across + rising, 0)
-        return seen * total
+        along, across, weight = (one[:, None] for one in (self.along, self.across, self.weight))
+        met = np.maximum(along * by_along + across * by_across + rising, 0)
+        return seen * np.einsum("ibj,iaj->aj", weight, met)
