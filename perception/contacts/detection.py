@@ -35,7 +35,7 @@ LIKELY = 5.0
 QUARTER = 3.138
 """Standard deviation of normal numbers over the first quartile of their absolute values."""
 
-LIT_RADIUS = 1.6
+LIT_RADIUS = 3**0.5
 """Radius of a contact over the scale that fits it, in the light of lamps; under even light 1."""
 
 LIFTED = 0.4

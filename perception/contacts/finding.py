@@ -22,6 +22,9 @@ SIZES = 0.75, 1.0, 1.4
 MOST = 0.6
 """Of the change about a contact, its model explains at least so much."""
 
+APART = 0.5
+
+KNOWN = 0.25
 PIXEL = 12**-0.5
 STRONG = 8.0
 """A contact is so far above noise at least."""
@@ -56,7 +59,7 @@ def find_contacts(
     found: list[Fit] = []
     for candidate in find_candidates(change, lamps):
         circle = np.array(candidate[:3])
-        if any(_distance(circle, one.circle) < one.circle[2] + 0.4 for one in found):
+        if any(_distance(circle, one.circle) < one.circle[2] + APART for one in found):
             continue
         starts = [start_at(circle * [1, 1, factor]) for factor in SIZES]
         own = _best(change, starts, circles_of(found), lamps)
@@ -67,7 +70,8 @@ def find_contacts(
         others = circles_of(found[:number] + found[number + 1 :])
         own = fit(change, one.parameters, others, lamps) if len(others) else one
         again.append(own if own is not None and is_contact(own) else one)
-    return [_contact(one, view, change) for one in _without_parts(again)]
+    contacts = (_contact(one, view, change) for one in _without_parts(again))
+    return [one for one in contacts if one.deviations[2] < KNOWN * one.diameter]
 
 
 def circles_of(fits: Iterable[Fit]) -> Circles:
@@ -77,8 +81,7 @@ def circles_of(fits: Iterable[Fit]) -> Circles:
 
 def is_contact(own: Fit) -> bool:
     """Whether a fit is surely one of something that is pressed in."""
-    needed = .3 + .3 * min(1.0, 2 * (own.scale - 1))
-    return own.explained > needed and own.strength > STRONG and abs(own.light - 1) < .7
+    return own.explained > MOST and own.strength > STRONG and abs(own.light - 1) < .7
 
 
 def _best(
@@ -95,7 +98,7 @@ def _without_parts(fits: list[Fit]) -> list[Fit]:
     """Without those that overlap a stronger one, the strongest first."""
     kept: list[Fit] = []
     for own in sorted(fits, key=lambda one: -one.strength):
-        if all(_distance(own.circle, one.circle) > own.circle[2] + one.circle[2] + 0.3 for one in kept):
+        if all(_distance(own.circle, one.circle) > own.circle[2] + one.circle[2] + APART for one in kept):
             kept.append(own)
     return kept
 

@@ -58,6 +58,9 @@ are no lamps, from all sides alike."""
 FREE = 1e-3
 """Of the background nothing is known: this keeps it finite."""
 
+TINY = 1e-6
+"""What cannot be seen in any way is unknown, not a fault."""
+
 SECTORS = 16
 """About a contact."""
 
@@ -69,8 +72,8 @@ UNIT = np.array([0.1, 0.1, 0.1, 0.2, 0.2])
 """Of these: no step is longer than 3, steps of less than 0.05 end a fit, and slopes are those of
 chords of 0.1."""
 
-EXPECTED = np.array([0, 0, 0, math.log(DEPTH), 0.3])
-SURENESS = np.array([0, 0, 0, DEPTHS**-2, 4.0])
+EXPECTED = np.array([0, 0, 0, math.log(DEPTH), FLATTEST / 2])
+SURENESS = np.array([0, 0, 0, DEPTHS**-2, 12 / FLATTEST**2])
 """Any β is as likely as any other."""
 
 Parameters = Float[np.ndarray, "5"]
@@ -155,7 +158,8 @@ def fit(
     noise = SECTORS / (SECTORS - 5) * sectors.T @ sectors
     covariance = inverse @ (noise + solved.prior) @ inverse
     strength = math.sqrt(max(total - rest, 0)) / solved_scale
-    return Fit(point, covariance, 1 - rest / total, strength, solved_scale, problem.own_light(solved.factors))
+    explained = (total - rest) / (total - min(rest, float(model.lit.sum())))
+    return Fit(point, covariance, explained, strength, solved_scale, problem.own_light(solved.factors))
 
 
 class _Samples(NamedTuple):
@@ -370,7 +374,7 @@ class _Problem:
         prior = np.sum(np.swapaxes(taken, 1, 2) @ (self._ridge[:, None] * taken), axis=0)
         scores = np.sum((weight * residual)[..., None] * own, axis=0)
         weighted = jacobian * weight[..., None]
-        normal = np.sum(np.swapaxes(weighted, 1, 2) @ own, axis=0) + np.diag(SURENESS)
+        normal = np.sum(np.swapaxes(weighted, 1, 2) @ own, axis=0) + np.diag(SURENESS + TINY)
         short = EXPECTED - point
         slope = np.sum(weighted * residual[..., None], axis=(0, 1)) + SURENESS * short
         cost = np.sum(weight * residual**2) + np.sum(SURENESS * short**2)
