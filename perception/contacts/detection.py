@@ -24,7 +24,8 @@ COARSE = 2
 """Cells along a side of those that are looked at."""
 
 AROUND = 1.6
-"""Scale of what is around over that of what is within."""
+"""Scale of what is around over that of what is within, nearly a Laplacian's (D. Marr, E. Hildreth,
+Proc. R. Soc. B 207 (1980) 187)."""
 
 GROWTH = 0.6
 """Noise falls at least with this power of the scale."""
@@ -36,10 +37,11 @@ QUARTER = 3.138
 """Standard deviation of normal numbers over the first quartile of their absolute values."""
 
 LIT_RADIUS = 3**0.5
-"""Radius of a contact over the scale that fits it, in the light of lamps; under even light 1."""
+"""Radius over the scale that answers most, of a bulge like a Gaussian in the light of lamps: its
+edge, where it is steepest, is at its deviation. Under even light it is about 1."""
 
 LIFTED = 0.4
-"""mm: about so high is the membrane of most contacts, by which they appear displaced."""
+"""mm: about so high is the membrane on most contacts, by which they appear displaced."""
 
 
 class Candidate(NamedTuple):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -11,23 +10,29 @@ from jaxtyping import Float, UInt8
 from perception.contacts.change import Change
 from perception.contacts.contact import Contact
 from perception.contacts.detection import find_candidates
-from perception.contacts.fitting import Circle, Circles, Fit, fit, start_at
+from perception.contacts.fitting import APART, Circle, Circles, Fit, fit, start_at
 from perception.contacts.lamps import Lamps
 from perception.matching import View
 from perception.places import Sight
 
 SIZES = 0.75, 1.0, 1.4
-"""A candidate is fitted from a circle so many times as large as itself, whichever is best."""
+"""A candidate is fitted from a circle so many times as large as itself, whichever is best: scales
+of candidates are this far from each other."""
 
 MOST = 0.6
-"""Of the change about a contact, its model explains at least so much."""
+"""A contact explains more than this part of the change about it that is no noise."""
 
-APART = 0.5
+STRONG = 8.0
+"""A contact is so many deviations of noise strong: all places, sizes and depths are tried."""
+
+ODD = 0.7
+"""Its light is off by no more from what is expected: neither half nor twice as much."""
 
 KNOWN = 0.25
+"""Part of its diameter by which that may be uncertain: else it is no contact that is known."""
+
 PIXEL = 12**-0.5
-STRONG = 8.0
-"""A contact is so far above noise at least."""
+"""Deviation of a place that may be anywhere within a pixel; of a diameter it is that of two."""
 
 
 def find_contacts(
@@ -54,6 +59,23 @@ def find_contacts(
 
     Raises:
         UserError: one is no image of three channels of 8 bits, or they differ in size.
+
+    Example:
+        >>> from perception.quality import Quality
+        >>> view = View(
+        ...     "tip",
+        ...     "direct",
+        ...     0,
+        ...     Quality.COMPLETE,
+        ...     (True, True),
+        ...     *np.zeros((2, 4, 2)),
+        ...     *np.zeros((2, 4, 2, 2)),
+        ...     2500.0,
+        ... )
+        >>> above = Sight(np.zeros((13, 13, 2)), np.full((13, 13, 2), 0.1))
+        >>> untouched = np.full((240, 240, 3), 150, np.uint8)
+        >>> find_contacts(untouched, untouched, view, above, [])
+        []
     """
     change = Change.of(picture, reference, sight, response)
     found: list[Fit] = []
@@ -61,46 +83,46 @@ def find_contacts(
         circle = np.array(candidate[:3])
         if any(_distance(circle, one.circle) < one.circle[2] + APART for one in found):
             continue
-        starts = [start_at(circle * [1, 1, factor]) for factor in SIZES]
-        own = _best(change, starts, circles_of(found), lamps)
-        if own is not None:
+        own = _fit_best(change, circle, _circles(found), lamps)
+        if own is not None and is_contact(own):
             found = _without_parts([*found, own])
-    again = []
-    for number, one in enumerate(found):
-        others = circles_of(found[:number] + found[number + 1 :])
-        own = fit(change, one.parameters, others, lamps) if len(others) else one
-        again.append(own if own is not None and is_contact(own) else one)
-    contacts = (_contact(one, view, change) for one in _without_parts(again))
+    # The first fit was about what the candidate was like, without what was found later.
+    found = [_fit_again(change, one, found, lamps) for one in found]
+    contacts = [_contact(one, view, change) for one in _without_parts(found)]
     return [one for one in contacts if one.deviations[2] < KNOWN * one.diameter]
-
-
-def circles_of(fits: Iterable[Fit]) -> Circles:
-    """Their circles, one a row."""
-    return np.array([one.circle for one in fits]).reshape(-1, 3)
 
 
 def is_contact(own: Fit) -> bool:
     """Whether a fit is surely one of something that is pressed in."""
-    return own.explained > MOST and own.strength > STRONG and abs(own.light - 1) < .7
+    return own.explained > MOST and own.strength > STRONG and abs(own.light - 1) < ODD
 
 
-def _best(
-    change: Change, starts: Iterable[np.ndarray], others: Circles, lamps: Lamps
-) -> Fit | None:
-    """The fit from the best of several starts, if it is a contact."""
+def _fit_best(change: Change, circle: Circle, others: Circles, lamps: Lamps) -> Fit | None:
+    """The fit from the best of several sizes."""
+    starts = (start_at(circle * [1, 1, factor]) for factor in SIZES)
     fits = (fit(change, start, others, lamps, steps=0) for start in starts)
-    first = max((one for one in fits if one), key=lambda one: one.explained, default=None)
-    own = first and fit(change, first.parameters, others, lamps)
-    return own if own and is_contact(own) else None
+    best = max((one for one in fits if one), key=lambda one: one.explained, default=None)
+    return best and fit(change, best.parameters, others, lamps)
+
+
+def _fit_again(change: Change, one: Fit, found: list[Fit], lamps: Lamps) -> Fit:
+    others = _circles([other for other in found if other is not one])
+    own = fit(change, one.parameters, others, lamps)
+    return own if own is not None and is_contact(own) else one
 
 
 def _without_parts(fits: list[Fit]) -> list[Fit]:
     """Without those that overlap a stronger one, the strongest first."""
     kept: list[Fit] = []
     for own in sorted(fits, key=lambda one: -one.strength):
-        if all(_distance(own.circle, one.circle) > own.circle[2] + one.circle[2] + APART for one in kept):
+        reach = own.circle[2] + APART
+        if all(_distance(own.circle, one.circle) > reach + one.circle[2] for one in kept):
             kept.append(own)
     return kept
+
+
+def _circles(fits: list[Fit]) -> Circles:
+    return np.array([one.circle for one in fits]).reshape(-1, 3)
 
 
 def _distance(one: Circle, other: Circle) -> float:
@@ -108,22 +130,16 @@ def _distance(one: Circle, other: Circle) -> float:
 
 
 def _contact(own: Fit, view: View, change: Change) -> Contact:
+    """With what a pixel and the view's corners leave open beside the fit."""
     along, across, radius = own.circle.tolist()
     scaling = np.array([1, 1, 2 * radius])
-    covariance = own.covariance[:3, :3] * np.outer(scaling, scaling)
     pixels = change.pixels_at(along, across)
-    covariance = covariance + np.diag([*pixels**2, 4 * pixels.prod()]) * PIXEL**2
-    shares = np.outer([1 - along / change.length, along / change.length], [0.5 - across / change.width, 0.5 + across / change.width]).ravel()
-    covariance[:2, :2] += np.diag(pixels**2) * np.mean(np.trace(view.covariance, axis1=1, axis2=2)) / 2 * np.sum(shares**2)
-    c = Contact(
-        view.pad,
-        (view.path,),
-        own.circle[:2],
-        2 * radius,
-        covariance,
-        own.circle,
-        math.exp(own.parameters[3]),
-        own.strength,
-    )
-    object.__setattr__(c,"info","ex %.2f sc %.1f light %.2f beta %.2f"%(own.explained,own.scale,own.light,own.parameters[4]))
-    return c
+    sizes = np.array([*pixels, 2 * math.sqrt(pixels.prod())])
+    ends, sides = along / change.length, across / change.width + 0.5
+    shares = np.outer([1 - ends, ends], [1 - sides, sides])
+    corners = np.trace(view.covariance, axis1=1, axis2=2).mean() / 2 * np.sum(shares**2)
+    beside = PIXEL**2 + np.array([corners, corners, 0])
+    covariance = own.covariance[:3, :3] * np.outer(scaling, scaling) + np.diag(beside * sizes**2)
+    depth = math.exp(own.parameters[3])
+    path = (view.path,)
+    return Contact(view.pad, path, own.circle[:2], 2 * radius, covariance, depth, own.strength)

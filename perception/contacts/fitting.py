@@ -30,16 +30,20 @@ from perception.contacts.membranes import FADE, FLATTEST, look_up, tables
 PER_RADIUS = 5
 """Samples along the radius that is expected."""
 
-BEYOND = 1.0
-"""Samples lie within the radius and so many mm more, and are so far from other contacts."""
+REACH = 1.3, 0.8
+"""Samples lie within so many radii and so many mm more: beyond, a membrane is flat."""
+
+APART = 0.5
+"""mm between contacts, at least: what is nearer to one than that counts as its part."""
 
 STEPS, RAY_STEPS = 30, 5
-"""Of a fit; and of a ray to the membrane, from above, so that the first of several places is met."""
+"""Of a fit; and of a ray to the membrane, from above, to meet the first of several places."""
 
 FEWEST = 30
 """Samples for a fit."""
 
 FLOOR = 0.005
+"""The model of the light is no better than that, part of the light."""
 
 SPREAD = 1.5
 """Pixels: a pixel and the lens spread what is seen over as much as a square so large."""
@@ -88,15 +92,16 @@ class Fit:
     Attributes:
         parameters: place along and across, logarithms of radius and depth, β.
         covariance: of these.
-        explained: part of the change about it that the model explains.
-        strength: root of the squares that it explains, over the noise of samples.
+        explained: part of the change about it, beyond noise, that the model explains.
+        strength: root of the squares that it explains, over what the rest is like.
+        light: of its color's own lamp, or that comes evenly where there is none, over what is
+            expected; mean of the colors.
     """
 
     parameters: Parameters
     covariance: Float[np.ndarray, "5 5"]
     explained: float
     strength: float
-    scale: float
     light: float
 
     @property
@@ -147,19 +152,7 @@ def fit(
         point, model, solved, damping = newer, tried, result, max(damping / 10, 1e-4)
         if done:
             break
-    solved_scale = problem.scale(model, solved)
-    plain = model.lit / samples.deviation**2
-    mean = np.sum(plain * samples.part, axis=0) / (np.sum(plain, axis=0) + 1e-12)
-    total = float(np.sum(plain * (samples.part - mean) ** 2))
-    rest = float(np.sum(plain * solved.residual**2))
-    sectors = np.zeros((SECTORS, 5))
-    np.add.at(sectors, model.sector, solved.scores)
-    inverse = np.linalg.inv(solved.normal)
-    noise = SECTORS / (SECTORS - 5) * sectors.T @ sectors
-    covariance = inverse @ (noise + solved.prior) @ inverse
-    strength = math.sqrt(max(total - rest, 0)) / solved_scale
-    explained = (total - rest) / (total - min(rest, float(model.lit.sum())))
-    return Fit(point, covariance, explained, strength, solved_scale, problem.own_light(solved.factors))
+    return problem.fitted(point, model, solved)
 
 
 class _Samples(NamedTuple):
@@ -186,7 +179,7 @@ def _sample(change: Change, circle: Circle, others: Circles) -> _Samples:
     """What has changed about a circle, away from others and from the pad's edges."""
     along, across, radius = circle.tolist()
     cells = max(1, round(radius / PER_RADIUS / CELL))
-    reach, half = 1.3 * radius + 0.8, change.width / 2
+    reach, half = REACH[0] * radius + REACH[1], change.width / 2
     ranges = []
     for middle, count in zip((along, across + half), change.inner.shape, strict=True):
         first = min(max(0, int((middle - reach) / CELL)), count)
@@ -206,7 +199,7 @@ def _sample(change: Change, circle: Circle, others: Circles) -> _Samples:
     )
     own = (np.hypot(u - along, v - across) < reach) & (inner > 0.99)
     for other in others:
-        own &= np.hypot(u - other[0], v - other[1]) > other[2] + 0.5
+        own &= np.hypot(u - other[0], v - other[1]) > other[2] + APART
     blur = math.hypot(cells * CELL, SPREAD * math.sqrt(change.pixels_at(along, across).prod()))
     deviation = np.hypot(change.noise(cells) * noisiness[own], FLOOR)
     return _Samples(u[own], v[own], part[own], deviation, slopes[own], blur)
@@ -285,16 +278,18 @@ class _Solved(NamedTuple):
         normal: matrix of the normal equations of the parameters.
         slope: their right-hand side.
         scores: each sample's part of that.
+        prior: covariance of what the slope has from what is expected.
         residual: of the samples.
+        factors: of the light, and of the background.
     """
 
     cost: float
     normal: Float[np.ndarray, "5 5"]
     slope: Parameters
     scores: Float[np.ndarray, "samples 5"]
+    prior: Float[np.ndarray, "5 5"]
     residual: Float[np.ndarray, "samples colors"]
-    factors: np.ndarray
-    prior: np.ndarray
+    factors: Float[np.ndarray, "colors factors"]
 
 
 class _Problem:
@@ -341,19 +336,35 @@ class _Problem:
         terms = np.stack([*lights, even], axis=-1) * relit[..., None]
         return _Model(terms, relit - 1, lit, turn.astype(int) % SECTORS)
 
-    def robust(self, model: _Model, solved: _Solved) -> Float[np.ndarray, "samples colors"]:
-        """Weights by which samples that are off count less."""
-        ratio = np.abs(solved.residual) / self._samples.deviation
-        scale = self.scale(model, solved)
-        weights = model.lit / (self._samples.deviation * scale) ** 2
-        return weights / (1 + (ratio / (CAUCHY * scale)) ** 2)
-
-    def scale(self, model, solved):
+    def scale(self, model: _Model, solved: _Solved) -> float:
+        """Residuals over what noise alone would leave, at least 1."""
         ratio = np.abs(solved.residual) / self._samples.deviation
         return max(1.0, NORMAL * float(np.median(ratio[model.lit > 0])))
 
-    def own_light(self, factors: np.ndarray) -> float:
-        return float(np.sum(factors * self._mean) / np.sum(self._mean))
+    def robust(self, model: _Model, solved: _Solved) -> Float[np.ndarray, "samples colors"]:
+        """Weights by which samples that are off count less."""
+        deviation = self.scale(model, solved) * self._samples.deviation
+        off = solved.residual / (CAUCHY * deviation)
+        return model.lit / deviation**2 / (1 + off**2)
+
+    def fitted(self, point: Parameters, model: _Model, solved: _Solved) -> Fit:
+        """What is known at the end of a fit."""
+        part, weight = self._samples.part, model.lit / self._samples.deviation**2
+        mean = np.sum(weight * part, axis=0) / (np.sum(weight, axis=0) + TINY)
+        total = float(np.sum(weight * (part - mean) ** 2))
+        rest = float(np.sum(weight * solved.residual**2))
+        noise = min(rest, float(np.sum(model.lit)))
+        sectors = np.zeros((SECTORS, 5))
+        np.add.at(sectors, model.sector, solved.scores)
+        spread = SECTORS / (SECTORS - 5) * sectors.T @ sectors
+        inverse = np.linalg.inv(solved.normal)
+        return Fit(
+            point,
+            inverse @ (spread + solved.prior) @ inverse,
+            (total - rest) / (total - noise),
+            math.sqrt(max(total - rest, 0)) / self.scale(model, solved),
+            float(np.sum(solved.factors * self._mean) / np.sum(self._mean)),
+        )
 
     def solve(self, model: _Model, point: Parameters, weights: np.ndarray) -> _Solved:
         """The factors at a point, and the normal equations of its parameters without them."""
@@ -379,4 +390,5 @@ class _Problem:
         slope = np.sum(weighted * residual[..., None], axis=(0, 1)) + SURENESS * short
         cost = np.sum(weight * residual**2) + np.sum(SURENESS * short**2)
         cost += np.sum(self._ridge * (factors - self._mean) ** 2)
-        return _Solved(float(cost), normal, slope, scores, residual.T, factors, prior + np.diag(SURENESS))
+        prior = prior + np.diag(SURENESS)
+        return _Solved(float(cost), normal, slope, scores, prior, residual.T, factors)
