@@ -26,6 +26,14 @@ SMOOTH = 0.5
 RIM, RIM_PIXELS = 0.3, 1.5
 """So many mm and pixels from the pad's edges what is beside it shows."""
 
+PIXEL = 12**-0.5
+"""Deviation of a place that may be anywhere within a pixel: two pictures lie on each other so well,
+and where their light changes quickly, so does their difference."""
+
+STEEPEST = 2.0
+"""Of rays' slopes: flanks of bulges rise by about a half, and in views that are flatter they hide
+what is behind them."""
+
 APART = 1.5
 """Pixels: noise at places so far from each other has little in common."""
 
@@ -43,14 +51,16 @@ class Change:
     Attributes:
         part: of the light, by which it has become brighter.
         noisiness: deviation of ``part``, up to a factor that all cells share.
+        unsure: deviation of ``part`` by where the pictures lie on each other.
         light: logarithm of that of the untouched pad.
         slopes: of rays, as those of `Sight`.
         pixels: likewise.
-        inner: which cells are away from the pad's edges.
+        inner: which cells are away from the pad's edges and not seen too flat.
     """
 
     part: Cells
     noisiness: Cells
+    unsure: Cells
     light: Cells
     slopes: Float[np.ndarray, "rows columns 2"]
     pixels: Float[np.ndarray, "rows columns 2"]
@@ -94,8 +104,12 @@ class Change:
         away = [np.minimum(one, one[::-1]) for one in away]
         rim = RIM + RIM_PIXELS * pixels
         inner = (away[0][:, None] > rim[..., 0]) & (away[1] > rim[..., 1])
-        part = now / before - 1
-        return cls(part, cv2.LUT(mean, relative), np.log(smooth), slopes, pixels, inner)
+        inner &= np.hypot(slopes[..., 0], slopes[..., 1]) < STEEPEST
+        light = np.log(smooth)
+        rises = np.gradient(light, CELL, axis=(0, 1))
+        unsure = PIXEL * np.hypot(*(r * pixels[..., i, None] for i, r in enumerate(rises)))
+        noisiness = cv2.LUT(mean, relative)
+        return cls(now / before - 1, noisiness, unsure, light, slopes, pixels, inner)
 
     @functools.cached_property
     def length(self) -> float:

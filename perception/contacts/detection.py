@@ -60,7 +60,8 @@ def find_candidates(change: Change, lamps: Lamps) -> list[Candidate]:
         change: of the light of a pad.
         lamps: that light the pad.
     """
-    means = block_means(change.part / change.noisiness, COARSE)
+    deviation = np.hypot(change.noisiness, change.unsure / change.noise(1))
+    means = block_means(change.part / deviation, COARSE)
     inner = block_means(change.inner.astype(np.float32), COARSE) > 0.99
     means = np.where(inner[..., None], means - np.median(means, axis=(0, 1)), 0)
     step = COARSE * CELL

@@ -7,10 +7,19 @@ import math
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from perception.contacts.change import Change
+from perception.contacts.change import PIXEL, Change
 from perception.contacts.contact import Contact
 from perception.contacts.detection import find_candidates
-from perception.contacts.fitting import APART, Circle, Circles, Fit, fit, start_at
+from perception.contacts.fitting import (
+    APART,
+    LEAST,
+    MOST,
+    Circle,
+    Circles,
+    Fit,
+    fit,
+    start_at,
+)
 from perception.contacts.lamps import Lamps
 from perception.matching import View
 from perception.places import Sight
@@ -19,20 +28,17 @@ SIZES = 0.75, 1.0, 1.4
 """A candidate is fitted from a circle so many times as large as itself, whichever is best: scales
 of candidates are this far from each other."""
 
-MOST = 0.6
+EXPLAINED = 0.6
 """A contact explains more than this part of the change about it that is no noise."""
 
 STRONG = 8.0
 """A contact is so many deviations of noise strong: all places, sizes and depths are tried."""
 
-ODD = 0.7
-"""Its light is off by no more from what is expected: neither half nor twice as much."""
+ODD = 5.0
+"""Its light is less than so many times what is expected, and more than that part of it."""
 
 KNOWN = 0.25
 """Part of its diameter by which that may be uncertain: else it is no contact that is known."""
-
-PIXEL = 12**-0.5
-"""Deviation of a place that may be anywhere within a pixel; of a diameter it is that of two."""
 
 
 def find_contacts(
@@ -54,8 +60,8 @@ def find_contacts(
         response: of the camera, as `perception.Lens` has it.
 
     Returns:
-        What is surely pressed in. What cannot be seen is not claimed: where a view is flat, noise
-        is large or light is even, contacts may be missing.
+        What is surely pressed in, and wholly on the pad. What cannot be seen is not claimed: where
+        a view is flat, noise is large or light is even, contacts may be missing.
 
     Raises:
         UserError: one is no image of three channels of 8 bits, or they differ in size.
@@ -81,6 +87,8 @@ def find_contacts(
     found: list[Fit] = []
     for candidate in find_candidates(change, lamps):
         circle = np.array(candidate[:3])
+        if not _is_within(circle * [1, 1, 0.5], change):
+            continue
         if any(_distance(circle, one.circle) < one.circle[2] + APART for one in found):
             continue
         own = _fit_best(change, circle, _circles(found), lamps)
@@ -88,13 +96,17 @@ def find_contacts(
             found = _without_parts([*found, own])
     # The first fit was about what the candidate was like, without what was found later.
     found = [_fit_again(change, one, found, lamps) for one in found]
-    contacts = [_contact(one, view, change) for one in _without_parts(found)]
+    whole = [one for one in _without_parts(found) if _is_within(one.circle, change)]
+    contacts = [_contact(one, view, change) for one in whole]
     return [one for one in contacts if one.deviations[2] < KNOWN * one.diameter]
 
 
 def is_contact(own: Fit) -> bool:
     """Whether a fit is surely one of something that is pressed in."""
-    return own.explained > MOST and own.strength > STRONG and abs(own.light - 1) < ODD
+    clear = own.explained > EXPLAINED and own.strength > STRONG and 1 / ODD < own.light < ODD
+    # What is as small, large, flat or deep as can be was not found within.
+    size = own.parameters[2:4]
+    return clear and bool(np.all((size > LEAST[2:4]) & (size < MOST[2:4])))
 
 
 def _fit_best(change: Change, circle: Circle, others: Circles, lamps: Lamps) -> Fit | None:
@@ -123,6 +135,11 @@ def _without_parts(fits: list[Fit]) -> list[Fit]:
 
 def _circles(fits: list[Fit]) -> Circles:
     return np.array([one.circle for one in fits]).reshape(-1, 3)
+
+
+def _is_within(circle: Circle, change: Change) -> bool:
+    along, across, radius = circle.tolist()
+    return radius < along < change.length - radius and abs(across) < change.width / 2 - radius
 
 
 def _distance(one: Circle, other: Circle) -> float:

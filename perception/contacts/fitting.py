@@ -193,15 +193,14 @@ def _sample(change: Change, circle: Circle, others: Circles) -> _Samples:
         indexing="ij",
     )
     v = v - half
-    part, noisiness, slopes, inner = (
-        block_means(one[window], cells)
-        for one in (change.part, change.noisiness, change.slopes, change.inner.astype(np.float32))
-    )
+    fields = change.part, change.noisiness, change.unsure, change.slopes
+    inner = block_means(change.inner[window].astype(np.float32), cells)
+    part, noisiness, unsure, slopes = (block_means(one[window], cells) for one in fields)
     own = (np.hypot(u - along, v - across) < reach) & (inner > 0.99)
     for other in others:
         own &= np.hypot(u - other[0], v - other[1]) > other[2] + APART
     blur = math.hypot(cells * CELL, SPREAD * math.sqrt(change.pixels_at(along, across).prod()))
-    deviation = np.hypot(change.noise(cells) * noisiness[own], FLOOR)
+    deviation = np.hypot(change.noise(cells) * noisiness[own], np.hypot(unsure[own], FLOOR))
     return _Samples(u[own], v[own], part[own], deviation, slopes[own], blur)
 
 
