@@ -63,6 +63,8 @@ def find_candidates(change: Change, lamps: Lamps) -> list[Candidate]:
     deviation = np.hypot(change.noisiness, change.unsure / change.noise(1))
     means = block_means(change.part / deviation, COARSE)
     inner = block_means(change.inner.astype(np.float32), COARSE) > 0.99
+    if not inner.any():
+        return []
     means = np.where(inner[..., None], means - np.median(means, axis=(0, 1)), 0)
     step = COARSE * CELL
     middle = np.array([change.length / 2, 0])
