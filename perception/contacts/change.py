@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float
 
 from perception.images import checked_image
 from perception.places import Sight
@@ -70,8 +70,8 @@ class Change:
     @classmethod
     def of(
         cls,
-        picture: UInt8[np.ndarray, "along across 3"],
-        reference: UInt8[np.ndarray, "along across 3"],
+        picture: np.ndarray,
+        reference: np.ndarray,
         sight: Sight,
         response: Float[np.ndarray, "256"] | None,
     ) -> Change:

@@ -69,6 +69,7 @@ def find_candidates(change: Change, lamps: Lamps) -> list[Candidate]:
     step = COARSE * CELL
     middle = np.array([change.length / 2, 0])
     toward = np.array([np.zeros(2) if one is None else one.toward(middle) for one in lamps])
+    toward = toward.reshape(-1, 2)
     even = not any(lamps)
     ratio = 1.0 if even else LIT_RADIUS
     blobs = _even_blobs if even else _lit_blobs
@@ -89,7 +90,7 @@ def find_candidates(change: Change, lamps: Lamps) -> list[Candidate]:
 
 
 def _lit_blobs(
-    means: Float[np.ndarray, "rows columns 3"], scale: float, toward: Float[np.ndarray, "3 2"]
+    means: Float[np.ndarray, "rows columns 3"], scale: float, toward: Float[np.ndarray, "lamps 2"]
 ) -> Float[np.ndarray, "rows columns"]:
     smooth = cv2.GaussianBlur(means, (0, 0), scale, borderType=cv2.BORDER_CONSTANT)
     rises = np.gradient(smooth, axis=0) @ toward[:, 0] + np.gradient(smooth, axis=1) @ toward[:, 1]
@@ -97,7 +98,7 @@ def _lit_blobs(
 
 
 def _even_blobs(
-    means: Float[np.ndarray, "rows columns 3"], scale: float, _: Float[np.ndarray, "3 2"]
+    means: Float[np.ndarray, "rows columns 3"], scale: float, _: Float[np.ndarray, "lamps 2"]
 ) -> Float[np.ndarray, "rows columns"]:
     mean = means.mean(axis=-1)
     within, around = (

@@ -31,8 +31,9 @@ of candidates are this far from each other."""
 EXPLAINED = 0.6
 """A contact explains more than this part of the change about it that is no noise."""
 
-STRONG = 8.0
-"""A contact is so many deviations of noise strong: all places, sizes and depths are tried."""
+STRONG = 12.0
+"""A contact is so many deviations of noise strong: five, if in the blocks of a compressed picture
+one sample in six has noise of its own."""
 
 ODD = 5.0
 """Its light is less than so many times what is expected, and more than that part of it."""
@@ -42,8 +43,8 @@ KNOWN = 0.25
 
 
 def find_contacts(
-    picture: UInt8[np.ndarray, "along across 3"],
-    reference: UInt8[np.ndarray, "along across 3"],
+    picture: UInt8[np.ndarray, "_ _ 3"],
+    reference: UInt8[np.ndarray, "_ _ 3"],
     view: View,
     sight: Sight,
     lamps: Lamps,

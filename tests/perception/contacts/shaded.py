@@ -1,7 +1,7 @@
-"""Pictures of a pad with smooth bumps, by formulas that share nothing with what is fitted.
+"""Pictures of a pad with spheres pressed in, by closed forms that are not those that are fitted.
 
-A bump is a Gaussian, which is steepest at its deviation, where its contact ends. Light of a far
-lamp follows Lambert's law; even light comes from the whole hemisphere.
+The membrane is Hertz's on an infinite half-space, in closed form (K. Johnson, Contact Mechanics,
+1985, (3.42a)). Light of a far lamp follows Lambert's law; even light comes from the hemisphere.
 """
 
 from __future__ import annotations
@@ -32,6 +32,13 @@ class Bump(NamedTuple):
     depth: float
 
 
+def hertz(away, edge, depth):
+    """Height of a membrane over a sphere, mm."""
+    s = np.maximum(away / edge, 1)
+    flank = ((2 - s**2) * np.arcsin(1 / s) + np.sqrt(s**2 - 1)) / np.pi
+    return depth * np.where(away < edge, 1 - (away / edge) ** 2 / 2, flank)
+
+
 def lamps():
     """Red from greater columns, green from the pad's first end, blue from lesser columns."""
     height, half = FAR * np.tan(ELEVATION), 20 * FAR
@@ -55,16 +62,16 @@ def light_of(bumps, lit, slope=(0.0, 0.0)):
     def lifted(x, y):
         height, by_x, by_y = np.zeros((3, *x.shape))
         for one in bumps:
-            variance = (one.diameter / 2) ** 2
-            away = (x - one.along) ** 2 + (y - one.across) ** 2
-            own = one.depth * np.exp(-away / (2 * variance))
-            height = height + own
-            by_x = by_x - own * (x - one.along) / variance
-            by_y = by_y - own * (y - one.across) / variance
+            away = np.hypot(x - one.along, y - one.across) + 1e-9
+            given = one.diameter / 2, one.depth
+            height = height + hertz(away, *given)
+            rise = (hertz(away + 1e-4, *given) - hertz(np.abs(away - 1e-4), *given)) / 2e-4
+            by_x = by_x + rise * (x - one.along) / away
+            by_y = by_y + rise * (y - one.across) / away
         return height, by_x, by_y
 
     z = np.zeros(shape)
-    for _ in range(200):  # slopes of rays and bumps are small: it contracts
+    for _ in range(40):  # slopes of rays and bumps are small: it contracts
         z = lifted(u + slope[0] * z, v + slope[1] * z)[0]
     _, by_u, by_v = lifted(u + slope[0] * z, v + slope[1] * z)
     up = 1 / np.sqrt(1 + by_u**2 + by_v**2)

@@ -11,6 +11,7 @@ import pytest
 
 from designopt import UserError
 from perception.contacts import find_contacts
+from perception.contacts.change import Change
 from perception.places import find_sight
 from perception.unwarping import PER_MM
 from tests.perception.contacts.shaded import (
@@ -44,10 +45,9 @@ def found_in(bumps, *, lit, slope=(0.0, 0.0), gamma=1.0, jpeg=None, seed=0):
 @pytest.mark.parametrize(
     "bump", [Bump(9.0, 2.0, 3.0, 0.6), Bump(14.3, -4.1, 4.0, 0.9), Bump(12.0, 0.0, 5.0, 1.1)]
 )
-def test_a_gaussian_bump_ends_where_it_is_steepest(bump, lit, gamma):
+def test_a_sphere_is_found_where_it_is_and_as_large_as_it_is(bump, lit, gamma):
     [found] = found_in([bump], lit=lit, gamma=gamma, jpeg=90)
     assert found.center == pytest.approx([bump.along, bump.across], abs=0.15)
-    # A Gaussian is no membrane over a sphere: its flanks are fitted by others.
     assert found.diameter == pytest.approx(bump.diameter, rel=0.12)
     assert (found.pad, found.paths) == ("tip", ("direct",))
     assert np.all(found.deviations > 0)
@@ -90,7 +90,7 @@ def test_nothing_is_claimed_where_nothing_is(lit, jpeg):
     v = np.linspace(-1, 1, 240)
     flat = light_of([], lit) * (0.5 + 0.5 * v**2)[:, None]
     claimed = 0
-    for number in range(60):
+    for number in range(10):
         # Lamps age and cameras are moved: a picture is brighter, and 0.3 samples off.
         moved = cv2.warpAffine(flat, np.array([[1.0, 0, 0.2], [0, 1, 0.2]]), (240, 240),
                                borderMode=cv2.BORDER_REPLICATE)  # fmt: skip
@@ -123,9 +123,14 @@ def test_flat_views_and_dark_ones_claim_nothing():
     ],
 )
 def test_pictures_of_other_kinds_are_refused(picture, reference, message):
-    find = getattr(find_contacts, "__wrapped__", find_contacts)
     with pytest.raises(UserError, match=message):
-        find(picture, reference, view(), sight(), [])
+        Change.of(picture, reference, sight(), None)
+
+
+def test_pictures_of_two_sizes_are_refused():
+    pictures = (np.zeros((size, 240, 3), np.uint8) for size in (240, 230))
+    with pytest.raises(UserError, match="its reference"):
+        find_contacts(*pictures, view(), sight(), [])
 
 
 @needs_mitsuba
