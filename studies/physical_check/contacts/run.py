@@ -37,6 +37,9 @@ FOLDER = "physical-check-contacts"
 FUSED = "fused"
 """Path of what several views give together."""
 
+COORDINATES = ("along", "across", "diameter")
+"""Of what is measured of a contact."""
+
 FLATNESS = (0.5, 1.0, 2.0)
 """Bounds of slopes of rays: how far what is lifted by 1 mm seems moved."""
 
@@ -89,15 +92,21 @@ def run(spec: ContactCheckSpec, context: Context) -> Results:
             jax.clear_caches()
     with context.step("Rendered pairs of untouched pads"):
         add_pairs(spec, context.seed, pairs)
+    return report(spec, contacts, untouched, pairs)
+
+
+def report(
+    spec: ContactCheckSpec, contacts: Records, untouched: Records, pairs: Records
+) -> Results:
+    """What the study says of contacts, of untouched pads, and of rendered pairs."""
     out = Report(spec, package=__package__)
     add_metrics(out, spec, contacts, untouched, pairs)
     for name in ("found", "missed", "false", "deviations"):
         out.say(name)
     add_tables(out, contacts)
     views = contacts.where((contacts["path"] != FUSED) & contacts["found"])
-    ratios = np.stack([views[f"{name}_ratio"] for name in ("along", "across", "diameter")])
-    named = np.repeat(["along", "across", "diameter"], len(views))
-    shown = Records({"ratio": ratios.ravel(), "of": named})
+    ratios = np.stack([views[f"{name}_ratio"] for name in COORDINATES])
+    shown = Records({"ratio": ratios.ravel(), "of": np.repeat(COORDINATES, len(views))})
     names = {"ratio": "error over deviation"}
     out.figure("errors", plots.ecdf(shown, "ratio", by="of", names=names))
     return out.results()
@@ -219,9 +228,7 @@ def add_contacts(
             errors = claimed.measured - [there.along, there.across, 2 * there.edge]
             deviations = claimed.deviations
             row |= {"found": True, "center_mm": math.hypot(*errors[:2])}
-        for name, error, deviation in zip(
-            ("along", "across", "diameter"), errors, deviations, strict=True
-        ):
+        for name, error, deviation in zip(COORDINATES, errors, deviations, strict=True):
             row |= {f"{name}_mm": error, f"{name}_ratio": error / deviation}
         records.add(**row)
 
@@ -278,7 +285,7 @@ def add_pairs(spec: ContactCheckSpec, seed: int, pairs: Records) -> None:
 def statistics(own: Records) -> dict[str, float]:
     """Errors of contacts that are found, and of what is there, how much that is."""
     there, found = own.where(there=True), own.where(found=True)
-    ratios = [found[f"{name}_ratio"] for name in ("along", "across", "diameter")]
+    ratios = [found[f"{name}_ratio"] for name in COORDINATES]
     return {
         "contacts": len(there),
         "found": there.stat("share found"),
