@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from perception.images import checked_image
 from perception.lens import Lens
 from perception.masks import Gray, Mask, brightness, lamp_mask, without_lamps
 from perception.matching import Sighting, ViewCatalog, match_views
-from perception.quads import Quad, fit_quad, follow_quad
+from perception.quads import Quad, fit_quads, follow_quad
 from perception.quality import Quality
 
 CHANNEL = 1
@@ -25,6 +25,10 @@ CHANNEL = 1
 COLOR_DOUBT = 0.3
 """px: by so much layers and lens image red and blue elsewhere than green, for which corners are
 predicted."""
+
+Light = Float[np.ndarray, "rows columns"]
+Fits = list[Quad | None]
+Fit = Callable[[Light, Lens, Sequence[np.ndarray], Mask], Fits]
 
 BLOOM = 3
 """A lamp's light spreads over so many pixels beside it, which are no part of a pad."""
@@ -92,39 +96,49 @@ class _Light(NamedTuple):
     def quads(self, lens: Lens) -> list[Quad]:
         """All quadrilaterals, from the image's top to its bottom."""
         blobs = join_halves(stable_blobs(without_lamps(self.codes, self.lamps, BLOOM)))
-        found = [self.fit(lens, fit_quad, blob.contour) for blob in blobs]
+        found = self.fit(lens, fit_quads, [blob.contour for blob in blobs])
         quads = [quad for quad in found if quad is not None]
         return sorted(quads, key=lambda quad: float(quad.corners[:, 1].mean()))
 
-    def fit(self, lens: Lens, fit: Callable[..., Quad | None], about: np.ndarray) -> Quad | None:
-        """A quadrilateral fitted in green where this is bright enough, else in the brightest color.
+    def follow(
+        self, lens: Lens, corners: Float[np.ndarray, "4 2"], beside: int | None
+    ) -> Quad | None:
+        """The quadrilateral whose corners are expected at given places, as `follow_quad`."""
+
+        def follow(light: Light, lens: Lens, about: Sequence[np.ndarray], lamps: Mask) -> Fits:
+            return [follow_quad(light, lens, one, lamps, beside) for one in about]
+
+        return self.fit(lens, follow, [corners])[0]
+
+    def fit(self, lens: Lens, fit: Fit, about: Sequence[np.ndarray]) -> Fits:
+        """Quadrilaterals fitted in green where this is bright enough, else in the brightest color.
 
         Where a color ends elsewhere than at its end, that may be none of a pad.
 
         Args:
             lens: of the camera.
-            fit: `fit_quad` or `follow_quad`.
-            about: what that takes: a contour or corners.
+            fit: finds one about each contour, or from each quadruple of corners.
+            about: these.
         """
         if self.green is None:
             return fit(self.brightest, lens, about, self.lamps)
-        quad = self._fitted(lens, fit, about)
-        if quad is None or quad.quality is not Quality.COMPLETE:
-            return quad
-        return replace(quad, apart=find_colors_apart(self.picture, lens, quad.rays))
+        quads = fit(self.green, lens, about, self.lamps)
+        doubtful = [i for i, quad in enumerate(quads) if not _is_clear(quad)]
+        others = fit(self.brightest, lens, [about[i] for i in doubtful], self.lamps)
+        for i, other in zip(doubtful, others, strict=True):
+            if other is not None:
+                covariance = other.covariance + COLOR_DOUBT**2 * np.eye(2)
+                quads[i] = replace(other, covariance=covariance)
+        return [
+            replace(quad, apart=find_colors_apart(self.picture, lens, quad.rays))
+            if quad is not None and quad.quality is Quality.COMPLETE
+            else quad
+            for quad in quads
+        ]
 
-    def _fitted(
-        self, lens: Lens, fit: Callable[..., Quad | None], about: np.ndarray
-    ) -> Quad | None:
-        """That quadrilateral, whatever other colors are."""
-        quad = fit(self.green, lens, about, self.lamps)
-        bright = quad is not None and quad.contrast >= CONTRAST
-        if quad is not None and bright and quad.quality is Quality.COMPLETE:
-            return quad
-        other = fit(self.brightest, lens, about, self.lamps)
-        if other is None:
-            return quad
-        return replace(other, covariance=other.covariance + COLOR_DOUBT**2 * np.eye(2))
+
+def _is_clear(quad: Quad | None) -> bool:
+    return quad is not None and quad.contrast >= CONTRAST and quad.quality is Quality.COMPLETE
 
 
 def detect_views(image: object, lens: Lens, catalog: ViewCatalog) -> Sighting:
@@ -147,7 +161,5 @@ def detect_views(image: object, lens: Lens, catalog: ViewCatalog) -> Sighting:
     """
     light = _Light.of(image, lens)
 
-    def follow(corners: Float[np.ndarray, "4 2"], beside: int | None) -> Quad | None:
-        return light.fit(lens, partial(follow_quad, beside=beside), corners)
-
+    follow = partial(light.follow, lens)
     return match_views(light.quads(lens), catalog, lens, follow)

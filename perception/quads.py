@@ -8,6 +8,7 @@ where the brightness crosses half of its step, and corners are where these lines
 
 from __future__ import annotations
 
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -26,9 +27,10 @@ from perception.sides import (
     SMALL,
     Edges,
     Line,
+    Outline,
     Side,
-    find_edges,
-    fit_lines,
+    find_all_edges,
+    fit_all_lines,
 )
 
 INNER, HEIGHTS = (0.15, 0.85), 12
@@ -125,11 +127,28 @@ def fit_quad(
         >>> fit_quad(image.astype(np.float32), lens, contour[:, 0]).corners.round().tolist()
         [[30.0, 70.0], [30.0, 19.0], [89.0, 19.0], [89.0, 70.0]]
     """
-    checked_brightness(gray, lens.shape, contour)
-    rays = lens.pixel_rays(contour)
-    plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
-    corners = first_corners(plane.flat(rays))
-    return None if corners is None else _settled(gray, lens, plane, corners, contour, lamps)
+    return fit_quads(gray, lens, [contour], lamps)[0]
+
+
+def fit_quads(
+    gray: Float[np.ndarray, "rows columns"],
+    lens: Lens,
+    contours: Sequence[Int[np.ndarray, "_ 2"]],
+    lamps: Mask | None = None,
+) -> list[Quad | None]:
+    """As `fit_quad`, of several contours at once, which takes half of the time."""
+    found: list[Quad | None] = [None] * len(contours)
+    searches = {}
+    for number, contour in enumerate(contours):
+        checked_brightness(gray, lens.shape, contour)
+        rays = lens.pixel_rays(contour)
+        plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
+        corners = first_corners(plane.flat(rays))
+        if corners is not None:
+            searches[number] = _settling(lens, plane, corners, contour, gray.shape)
+    for number, quad in _settled(gray, lens, searches, lamps).items():
+        found[number] = quad
+    return found
 
 
 def follow_quad(
@@ -169,20 +188,50 @@ def follow_quad(
     outline = np.clip(np.round(corners).astype(int), 0, np.array(gray.shape[::-1]) - 1)
     checked_brightness(gray, lens.shape, outline)
     side = None if beside is None else ENDS_OF_SIDES.index(beside)
-    return _settled(gray, lens, plane, flat, outline, lamps, side)
+    search = _settling(lens, plane, flat, outline, gray.shape, side)
+    return _settled(gray, lens, {0: search}, lamps)[0]
 
 
 def _settled(
     gray: Float[np.ndarray, "rows columns"],
     lens: Lens,
+    searches: Mapping[int, _Search],
+    lamps: Mask | None,
+) -> dict[int, Quad | None]:
+    """The views that searches end with; what they ask for is found for all of them together."""
+    asked = {number: next(search) for number, search in searches.items()}
+    found: dict[int, Quad | None] = {}
+    while asked:
+        edges = find_all_edges(gray, lens, list(asked.values()), lamps)
+        lines = fit_all_lines(edges)
+        for number, *own in list(zip(asked, asked.values(), edges, lines, strict=True)):
+            try:
+                asked[number] = searches[number].send(_moved(*own))
+            except StopIteration as end:
+                del asked[number]
+                found[number] = end.value
+    return found
+
+
+def _settling(
+    lens: Lens,
     plane: TangentPlane,
     corners: Float[np.ndarray, "4 2"],
     contour: Int[np.ndarray, "_ 2"],
-    lamps: Mask | None,
+    shape: tuple[int, ...],
     beside: int | None = None,
-) -> Quad | None:
-    """The view whose sides are found from its first corners in the tangent plane."""
-    found, places = _refined(gray, lens, plane, corners, lamps, beside), None
+) -> _Search:
+    """The search for a view from its first corners in the tangent plane.
+
+    It asks for the edges of sides, is sent the outline that lies on them (or ``None``), and returns
+    the view.
+    """
+
+    def sides_of(corners: Float[np.ndarray, "4 2"]) -> Outline:
+        sides = [Side(corners[i], corners[(i + 1) % 4]) for i in range(4)]
+        return Outline(plane, sides, beside)
+
+    found, places = (yield sides_of(corners)), None
     for _ in range(STEPS - 1):
         # A blotch, hardly there on any side, is not looked at more closely.
         if found is None or found.edges.contrast.max() < LEAST_CONTRAST:
@@ -190,11 +239,11 @@ def _settled(
         before, places = places, lens.project(plane.rays(found.corners))
         if before is not None and np.abs(places - before).max() < SETTLED:
             break
-        found = _refined(gray, lens, plane, found.corners, lamps, beside)
+        found = yield sides_of(found.corners)
     if found is None or (beside is not None and not found.edges.seam):
         return None
     rays = plane.rays(found.corners)
-    rows, columns = gray.shape
+    rows, columns = shape
     border = (contour <= NEAR_BORDER) | (contour >= np.array([columns, rows]) - 1 - NEAR_BORDER)
     contrast = float(found.edges.contrast.min())
     scatter = max(line.scatter for line in found.lines)
@@ -264,7 +313,7 @@ def _crossings(
     return float(across.min()), float(across.max())
 
 
-class _Outline(NamedTuple):
+class _Fitted(NamedTuple):
     """A quadrilateral whose sides have been moved onto their edges.
 
     Attributes:
@@ -280,20 +329,13 @@ class _Outline(NamedTuple):
     corners: Float[np.ndarray, "4 2"]
 
 
-def _refined(
-    gray: Float[np.ndarray, "rows columns"],
-    lens: Lens,
-    plane: TangentPlane,
-    corners: Float[np.ndarray, "4 2"],
-    lamps: Mask | None,
-    beside: int | None,
-) -> _Outline | None:
-    """One round of finding edges and fitting lines; ``None`` where these do not meet."""
-    sides = [Side(corners[i], corners[(i + 1) % 4]) for i in range(4)]
-    edges = find_edges(gray, lens, plane, sides, lamps, beside)
-    lines = fit_lines(edges)
-    moved = _meeting(sides, lines)
-    return None if moved is None else _Outline(sides, edges, lines, moved)
+_Search = Generator[Outline, _Fitted | None, Quad | None]
+
+
+def _moved(outline: Outline, edges: Edges, lines: list[Line]) -> _Fitted | None:
+    """An outline whose sides are moved onto their lines; ``None`` where these do not meet."""
+    corners = _meeting(outline.sides, lines)
+    return None if corners is None else _Fitted(outline.sides, edges, lines, corners)
 
 
 def _meeting(sides: list[Side], lines: list[Line]) -> Float[np.ndarray, "4 2"] | None:
@@ -324,7 +366,7 @@ def _is_convex(corners: Float[np.ndarray, "4 2"]) -> bool:
 
 
 def _covariances(
-    lens: Lens, plane: TangentPlane, outline: _Outline
+    lens: Lens, plane: TangentPlane, outline: _Fitted
 ) -> tuple[Float[np.ndarray, "4 2 2"], Float[np.ndarray, "4 2 2"]]:
     """Covariance of every corner's place in the image, and the part that is roughness, px²."""
     corners, sides, lines = outline.corners, outline.sides, outline.lines

@@ -7,7 +7,9 @@ All of this is in the tangent plane of the view's rays, where sides are straight
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -163,6 +165,20 @@ class Line:
         return float(weights @ self.covariance @ weights), float(weights @ self.roughness @ weights)
 
 
+class Outline(NamedTuple):
+    """The sides of one view, where they are expected.
+
+    Attributes:
+        plane: in which the sides are straight.
+        sides: four of them.
+        adjoining: index of the side beside which another view is expected, if one is.
+    """
+
+    plane: TangentPlane
+    sides: list[Side]
+    adjoining: int | None = None
+
+
 def find_edges(
     gray: Float[np.ndarray, "rows columns"],
     lens: Lens,
@@ -183,11 +199,27 @@ def find_edges(
         lamps: where lamps are in view, if any are.
         adjoining: index of the side beside which another view is expected, if one is.
     """
+    return find_all_edges(gray, lens, [Outline(plane, sides, adjoining)], lamps)[0]
+
+
+def find_all_edges(
+    gray: Float[np.ndarray, "rows columns"],
+    lens: Lens,
+    outlines: Sequence[Outline],
+    lamps: Mask | None = None,
+) -> list[Edges]:
+    """As `find_edges`, of several views at once, which takes half of the time."""
     shares = np.linspace(TRIMMED, 1 - TRIMMED, POINTS)
+    sides = [side for outline in outlines for side in outline.sides]
+    views, each = len(outlines), len(sides) // len(outlines)
     flat = np.concatenate([side.places(shares) for side in sides])
     outward = np.repeat([side.outward for side in sides], POINTS, axis=0)
-    both = lens.project(plane.rays(np.concatenate([flat, flat + SMALL * outward])))
-    at, beside = both[: len(flat)], both[len(flat) :]
+    at, beside = (np.empty_like(flat) for _ in range(2))
+    parts = [slice(each * POINTS * i, each * POINTS * (i + 1)) for i in range(views)]
+    for (plane, _, _), part in zip(outlines, parts, strict=True):
+        moved = flat[part] + SMALL * outward[part]
+        both = lens.project(plane.rays(np.concatenate([flat[part], moved])))
+        at[part], beside[part] = both[: each * POINTS], both[each * POINTS :]
     scale = np.maximum(np.hypot(*(beside - at).T) / SMALL, 1e-9)
     normal = (beside - at) / (SMALL * scale[:, None])
     reach = np.linspace(-REACH, REACH, SAMPLES)
@@ -202,16 +234,21 @@ def find_edges(
     inside = _brighter(inner)
     outside = profile[:, SAMPLES // 2 :].min(axis=1)
     lit, glow = np.zeros(len(flat), bool), np.zeros(len(flat))
-    seam = np.repeat(np.arange(len(sides)) == adjoining, POINTS)
+    adjoins = [[i == outline.adjoining for i in range(each)] for outline in outlines]
+    seam = np.repeat(np.ravel(adjoins), POINTS)
     in_view = lamps is not None and bool(lamps.any())
-    if in_view or adjoining is not None:
+    if in_view or seam.any():
         lamp = np.zeros(profile.shape, bool)
         if lamps is not None:
             lamp = sampled(lamps, places[:, 2 * NEAR :]) > 0
         # A lamp along the section may be seen too thin to be clipped.
-        along = np.repeat((np.arange(len(sides)) % 2 == 0) & in_view, POINTS)
+        along = np.repeat(np.tile(np.arange(each) % 2 == 0, views) & in_view, POINTS)
         toward = lamp | (along | seam)[:, None]
-        rise = _rises(long, lens, toward, seam, _depths(sides, flat, outward) * scale)
+        depths = [
+            _depths(outline.sides, flat[part], outward[part])
+            for outline, part in zip(outlines, parts, strict=True)
+        ]
+        rise = _rises(long, lens, toward, seam, np.concatenate(depths) * scale)
         lit = np.repeat((rise < SAMPLES).reshape(shape).mean(axis=1) > LIT, POINTS)
         profile[lit], inside[lit], outside[lit], glow[lit] = _before_lamps(
             profile[lit], lens, rise[lit]
@@ -230,37 +267,44 @@ def find_edges(
     # Where a view is too thin, as at its acute corners, another side's edge is in the way.
     thick = np.repeat(FEET * width + REACH * (1 - BRIGHTER), POINTS)
     inward = flat - (thick / scale)[:, None] * outward
-    beyond = np.stack([(inward - side.start) @ side.outward for side in sides])
-    clear = (beyond < 0).all(axis=0)
+    beyond = [
+        np.stack([(inward[part] - side.start) @ side.outward for side in outline.sides])
+        for outline, part in zip(outlines, parts, strict=True)
+    ]
+    clear = (np.concatenate(beyond, axis=1) < 0).all(axis=0)
     # Noise and steps of rounding are of much the same size in codes, bright or dark.
     height = lens.codes(inside) - lens.codes(outside)
     there = (found & clear & (height >= LEAST_CONTRAST)).reshape(shape)
-    dark = np.where(lit, inside, outside).reshape(shape)
-    dark = float(np.median(dark, axis=1).min())
-    depth = contrast / np.maximum(inside - dark, 1.0)
+    by_side = np.median(np.where(lit, inside, outside).reshape(shape), axis=1)
+    dark = np.repeat(by_side.reshape(views, each).min(axis=1), each * POINTS)
+    depth = contrast / np.maximum(inside - dark.astype(inside.dtype), 1.0)
     medians = _Medians(there)
     deep = medians.of(depth.reshape(shape))
     doubt = SEAM * np.maximum(DEEP - deep, 0.0)
     # Blur is much the same on all sides: a wider edge is a gradient of light, its half no edge.
-    doubt = np.hypot(doubt, GRADUAL * np.maximum(width - WIDER * np.median(width), 0.0))
+    usual = np.repeat(np.median(width.reshape(views, each), axis=1), each)
+    doubt = np.hypot(doubt, GRADUAL * np.maximum(width - WIDER * usual, 0.0))
     by_lamps = np.asarray(lit.reshape(shape)[:, 0])
     doubt = np.where(by_lamps, medians.of(glow.reshape(shape)), doubt)
-    return Edges(
-        shares=shares,
-        offsets=(middle / scale).reshape(shape),
-        scale=scale.reshape(shape),
-        found=there,
-        contrast=np.where(
-            there.any(axis=1),
-            medians.of(height.reshape(shape)),
-            np.median(height.reshape(shape), axis=1),
-        ),
-        width=width,
-        clear=clear.reshape(shape).mean(axis=1),
-        doubt=doubt,
-        lit=by_lamps & ~seam[::POINTS],
-        seam=bool((by_lamps & seam[::POINTS]).any()),
-    )
+    heights = height.reshape(shape)
+    contrasts = np.where(there.any(axis=1), medians.of(heights), np.median(heights, axis=1))
+    offsets, scales = (middle / scale).reshape(shape), scale.reshape(shape)
+    clearness, seams = clear.reshape(shape).mean(axis=1), seam[::POINTS]
+    return [
+        Edges(
+            shares=shares,
+            offsets=offsets[own],
+            scale=scales[own],
+            found=there[own],
+            contrast=contrasts[own],
+            width=width[own],
+            clear=clearness[own],
+            doubt=doubt[own],
+            lit=by_lamps[own] & ~seams[own],
+            seam=bool((by_lamps[own] & seams[own]).any()),
+        )
+        for own in (slice(each * i, each * (i + 1)) for i in range(views))
+    ]
 
 
 def _brighter(inner: Float[np.ndarray, "places samples"]) -> Float[np.ndarray, " places"]:
@@ -365,6 +409,24 @@ def fit_lines(edges: Edges) -> list[Line]:
     so the covariance counts fewer of them: n (1 − r) / (1 + r) for the correlation r of neighbours.
     Noise has no neighbours: the part 1 − r of their variance is as in n independent edges.
     """
+    return fit_all_lines([edges])[0]
+
+
+def fit_all_lines(views: Sequence[Edges]) -> list[list[Line]]:
+    """As `fit_lines`, of several views at once, which takes a third of the time."""
+    each = len(views[0].found)
+    edges = Edges(
+        views[0].shares,
+        *(
+            np.concatenate([getattr(view, part) for view in views])
+            for part in ("offsets", "scale", "found", "contrast", "width", "clear", "doubt", "lit")
+        ),
+    )
+    lines = _lines(edges)
+    return [lines[start : start + each] for start in range(0, len(lines), each)]
+
+
+def _lines(edges: Edges) -> list[Line]:
     unknown = Line(0.0, 0.0, np.diag([UNKNOWN, 0.0]), np.zeros((2, 2)), np.inf)
     found, offsets = edges.found, edges.offsets * edges.scale
     if not found.any():

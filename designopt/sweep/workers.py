@@ -135,7 +135,7 @@ class _Worker:
 def _work(pipe: Connection, environment: Mapping[str, str]) -> None:
     """A worker, which has loaded nothing yet that reads its environment."""
     os.environ.update(environment)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=end_with_parent, daemon=True).start()
     keep_programs()
     while True:
         try:
@@ -149,7 +149,8 @@ def _work(pipe: Connection, environment: Mapping[str, str]) -> None:
         pipe.send(answer)
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
+    """End this process as soon as the one that started it has ended, however that did."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     wait([parent.sentinel])

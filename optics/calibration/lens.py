@@ -44,6 +44,9 @@ FITS_PX = 2.0
 EXPECTED_PX = 0.3
 """Deviation of a corner while nothing is known of it: what is off by many of these counts less."""
 
+LEAST_PX = 0.003
+"""Deviation of a corner below which rounding, not pictures, would decide on what a minimum is."""
+
 OUTLIER = 5.0
 """A corner off by more deviations, in column or row, is wrong: none of 10⁶ right ones is."""
 
@@ -256,11 +259,12 @@ def _without_outliers(
     """The least-squares fit to all corners but those that it is off from, and their deviation."""
     seen = np.asarray(shown.used)
     stated = np.where(seen, np.asarray(shown.deviations), 1.0)
+    least = LEAST_PX / float(np.median(stated[seen]))
     used, own, noise = seen, shown, EXPECTED_PX
     for _ in range(ROUNDS):
         relative = np.abs(bundle.residuals) / stated[..., None]
         # The median of what is left of a normal distribution, which outliers do not move.
-        noise = float(np.median(relative[used])) / 0.6745
+        noise = max(float(np.median(relative[used])) / 0.6745, least)
         kept = seen & np.all(relative < OUTLIER * noise, axis=-1)
         kept &= kept.sum(axis=1, keepdims=True) >= LEAST_POINTS
         own = eqx.tree_at(lambda one: one.deviations, shown, np.where(kept, stated, np.inf))

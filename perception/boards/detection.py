@@ -10,11 +10,11 @@ from jaxtyping import Float, Int
 
 from perception.boards.board import Board
 from perception.boards.checking import checked_points
-from perception.boards.local_maps import shifting
 from perception.boards.markers import find_markers
 from perception.boards.neighbors import BESIDE, maps_from_neighbors
 from perception.boards.registration import register
 from perception.boards.search import Search
+from perception.boards.smooth_maps import smooth_maps
 from perception.images import checked_image
 
 FEWEST = 6
@@ -108,14 +108,14 @@ def _finished(search: Search, board: Board) -> BoardCorners | None:
     if len(numbers) < FEWEST:
         return None
     points, places = board.points[numbers], search.places[numbers]
-    chosen, maps, start = maps_from_neighbors(points, points, places, board.square, within=BESIDE)
+    chosen, _, _ = maps_from_neighbors(points, points, places, board.square, within=BESIDE)
     numbers, points, places = numbers[chosen], points[chosen], places[chosen]
     if len(numbers) < FEWEST:
         return None
     fit = register(
         search.images[0],
         search.pattern,
-        maps.warped(shifting(start - places)),
+        smooth_maps(points, places, board.square),
         points,
         search.look,
         start=places,

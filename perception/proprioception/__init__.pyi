@@ -4,6 +4,7 @@ from .corners import CornerModel, FingerErrors, JointAngleResult, JointAngles, f
 from .edge import EdgeCurve, EdgeEstimator, fit_edges
 from .estimate import Estimate, make_undefined, select_defined, split_estimates
 from .gap import GapEstimator, GapTable, calibrate_gap
+from .guidance import LabelAdvice, suggest_labels
 from .misfit import Misfit
 from .observation import Observation, observe, stack_observations
 
@@ -20,6 +21,7 @@ __all__ = [
     "GapTable",
     "JointAngleResult",
     "JointAngles",
+    "LabelAdvice",
     "Misfit",
     "Observation",
     "calibrate",
@@ -32,4 +34,5 @@ __all__ = [
     "select_defined",
     "split_estimates",
     "stack_observations",
+    "suggest_labels",
 ]

@@ -76,22 +76,37 @@ def _bound(
     frames: tuple[Observation, Float[Array, "frames joints"]],
     spread: Float[Array, ""],
 ) -> tuple[Array, Array]:
-    def information(
-        seen: Observation, pose: Array, spread: Array | float
-    ) -> tuple[Array, Array, Array]:
-        """Of a frame on its own angles, on both, and on errors and offsets."""
-        offsets = jnp.zeros(seen.corners.shape)
-        slopes = jax.jacfwd(lambda e, p: deviations(model, e, offsets, p, seen), (0, 1))
-        by_error, by_angle = slopes(errors, pose)
-        by_error = jnp.concatenate([by_error, slopes_by_offset(seen)], axis=1)
-        own = by_angle.T @ by_angle + jnp.eye(len(pose)) / spread**2
-        return own, by_angle.T @ by_error, by_error.T @ by_error
-
     def about_errors(seen: Observation, pose: Array) -> Array:
         """Information of a frame on these when its own angles are not asked for."""
-        own, both, rest = information(seen, pose, spread)
+        own, both, rest = frame_information(model, errors, seen, pose, spread)
         return rest - both.T @ jnp.linalg.solve(own, both)
 
-    own, both, rest = information(*frame, LOOSE)
+    own, both, rest = frame_information(model, errors, *frame, LOOSE)
     rest = rest + jnp.eye(len(rest)) + jnp.sum(jax.vmap(about_errors)(*frames), axis=0)
     return jnp.linalg.inv(own), jnp.linalg.inv(own - both @ jnp.linalg.solve(rest, both.T))
+
+
+def frame_information(
+    model: CornerModel,
+    errors: Float[Array, " errors"],
+    seen: Observation,
+    pose: Float[Array, " joints"],
+    spread: Float[Array, ""] | float,
+) -> tuple[
+    Float[Array, "joints joints"], Float[Array, "joints causes"], Float[Array, "causes causes"]
+]:
+    """Information of a frame on its own angles, on both, and on errors and offsets.
+
+    Args:
+        model: what predicts the corners.
+        errors: in units of their deviations.
+        seen: the frame's corners.
+        pose: its joint angles, rad.
+        spread: standard deviation of these before anything is seen, rad.
+    """
+    offsets = jnp.zeros(seen.corners.shape)
+    slopes = jax.jacfwd(lambda e, p: deviations(model, e, offsets, p, seen), (0, 1))
+    by_error, by_angle = slopes(errors, pose)
+    by_error = jnp.concatenate([by_error, slopes_by_offset(seen)], axis=1)
+    own = by_angle.T @ by_angle + jnp.eye(len(pose)) / spread**2
+    return own, by_angle.T @ by_error, by_error.T @ by_error

@@ -72,6 +72,7 @@ def calibrate(
     seen: Observation,
     angles: Float[np.ndarray, "frames joints"],
     deviation: float | None = None,
+    before: FingerErrors | None = None,
 ) -> Solution[Calibration]:
     """The errors of a finger from several frames.
 
@@ -84,6 +85,7 @@ def calibrate(
         seen: the corners, frames along the first axis.
         angles: the frames' labels, or rough angles to begin with, rad.
         deviation: standard deviation of the labels, rad; ``None`` if the angles are no labels.
+        before: what is known of the finger; nothing but its tolerances by default.
 
     Returns:
         ``margin`` is 1 − scatter / 1.5, and −1 where no minimum was found.
@@ -112,7 +114,8 @@ def calibrate(
     labelled = np.isfinite(angles) & (deviation is not None)
     spread = np.where(labelled, LOOSE if deviation is None else deviation, LOOSE)
     start = np.where(np.isfinite(angles), angles, np.mean(model.limits))
-    arrays = jax.tree.map(jnp.asarray, (seen, start, spread, labelled))
+    before = FingerErrors.of(model) if before is None else before
+    arrays = jax.tree.map(jnp.asarray, (seen, start, spread, labelled, before))
     return _calibrated(model, *arrays)
 
 
@@ -123,9 +126,12 @@ def _calibrated(
     start: Float[Array, "frames joints"],
     spread: Float[Array, "frames joints"],
     labelled: Bool[Array, "frames joints"],
+    before: FingerErrors,
 ) -> Solution[Calibration]:
-    # Errors and offsets, all of deviation 1, and then the angles.
+    # Errors and offsets, and then the angles.
     drawn = model.errors + seen.corners[0].size
+    mean = jnp.concatenate([before.mean, before.offsets.reshape(-1)])
+    root = jnp.linalg.cholesky(before.covariance)
 
     def corner_part(values: Float[Array, " values"]) -> Float[Array, " data"]:
         errors, angles = values[: model.errors], values[drawn:].reshape(start.shape)
@@ -135,12 +141,13 @@ def _calibrated(
 
     def prior_part(values: Float[Array, " values"]) -> Float[Array, " values"]:
         off = (values[drawn:] - start.reshape(-1)) / spread.reshape(-1)
-        return jnp.concatenate([values[:drawn], off])
+        known = jax.scipy.linalg.solve_triangular(root, values[:drawn] - mean, lower=True)
+        return jnp.concatenate([known, off])
 
     def residuals(values: Float[Array, " values"], _: None) -> Float[Array, " data"]:
         return jnp.concatenate([robust_residuals(corner_part(values)), prior_part(values)])
 
-    guess = jnp.concatenate([jnp.zeros(drawn), start.reshape(-1)])
+    guess = jnp.concatenate([mean, start.reshape(-1)])
     fit: Fit = least_squares(
         residuals, guess, tolerance=TOLERANCE, max_steps=STEPS, differentiable=False
     )

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import sys
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from designopt.compilation_cache import NoCache, keep_programs
+from designopt.errors import UserError
 
 calibrate = typer.Typer(help="Calibrate a lens, or a finger, from pictures.", no_args_is_help=True)
+
+
+class Part(StrEnum):
+    """What may be calibrated alone."""
+
+    PADS = "pads"
 
 
 @calibrate.command("lens")
@@ -67,12 +75,21 @@ def calibrate_finger(
         ),
     ],
     lens: Annotated[
-        Path,
+        Path | None,
         typer.Option(metavar="LENS.toml", help="The lens, as 'designopt calibrate lens' has it."),
-    ],
+    ] = None,
     finger: Annotated[
-        Path, typer.Option(metavar="FINGER.toml", help="The finger as designed, or its scene.")
-    ],
+        Path | None,
+        typer.Option(metavar="FINGER.toml", help="The finger as designed, or its scene."),
+    ] = None,
+    only: Annotated[
+        Part | None,
+        typer.Option(help="Find the pads alone, after they were replaced; the rest is --sensor's."),
+    ] = None,
+    sensor: Annotated[
+        Path | None,
+        typer.Option(metavar="OLD.sensor", help="With --only: the sensor before, with its lens."),
+    ] = None,
     out: Annotated[
         Path, typer.Option(metavar="NAME.sensor", help="The folder of the sensor.")
     ] = Path("finger.sensor"),
@@ -101,15 +118,25 @@ def calibrate_finger(
     Example:
       designopt calibrate finger frames.csv --lens lens.toml --finger finger.toml --out my.sensor
     """
+    if (only is None) != (sensor is None):
+        raise UserError("--only pads goes with --sensor OLD.sensor; give both or none")
+    given = {"--lens": lens, "--finger": finger, "--width": width}
+    own = [name for name, value in given.items() if value is not None]
+    if sensor is not None and own:
+        raise UserError(f"{own[0]} is that of --sensor; leave it out")
     keep_programs()
-    from studies.commands.finger import calibrate_finger_from
+    from studies.commands.finger import calibrate_finger_from, read_design, read_with_new_pads
 
+    if sensor is not None:
+        known = read_with_new_pads(sensor)
+    elif lens is None or finger is None:
+        raise UserError("--lens LENS.toml and --finger FINGER.toml are missing; name the files")
+    else:
+        known = read_design(lens, finger, width)
     lines, warnings = calibrate_finger_from(
         frames,
-        lens,
-        finger,
+        known,
         out,
-        width=width,
         gamma=gamma,
         label_deviation_deg=label_deviation,
         force=force,

@@ -1,9 +1,10 @@
 """Difference images of made-up pads."""
 
+import cv2
 import numpy as np
 import pytest
 
-from perception.differences import LEAST, References, compare_with_reference
+from perception.differences import LEAST, SMOOTH, References, _flattened, compare_with_reference
 from perception.unwarping import PER_MM
 from tests.perception.drawn import Eye, Pad, exact_view
 
@@ -51,6 +52,19 @@ def test_what_is_pressed_differs_where_and_by_how_much_it_is(gain):
         assert pressed[(*at, channel)] == pytest.approx(expected, abs=0.01)
     far = np.hypot(ALONG - 8, ACROSS - 15) > 10
     assert np.abs(pressed[far]).max() < 0.05
+
+
+@pytest.mark.parametrize("shape", [(220, 240), (187, 241), (30, 35), (3, 2)])
+def test_smooth_part_is_that_of_a_gaussian_at_full_size(shape):
+    """Noise, an edge and a gradient, against the picture blurred as it is."""
+    generator = np.random.default_rng(1)
+    rows, columns = np.mgrid[: shape[0], : shape[1]]
+    light = 60 + 60 * (columns > shape[1] / 3) + 40 * rows / shape[0]
+    noisy = light[..., None] * generator.uniform(0.9, 1.1, (*shape, 3))
+    one = np.rint(noisy).astype(np.uint8)
+    exact = one.astype(np.float32)
+    smooth = cv2.GaussianBlur(exact, (0, 0), SMOOTH * PER_MM, borderType=cv2.BORDER_REFLECT)
+    np.testing.assert_allclose(_flattened(one), exact / (smooth + LEAST), rtol=2e-3)
 
 
 def test_difference_changes_sign_with_its_sides():

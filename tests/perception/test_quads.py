@@ -1,5 +1,6 @@
 """Sides and corners of drawn pads against where an exact camera images them."""
 
+import dataclasses
 import functools
 
 import cv2
@@ -10,7 +11,15 @@ from hypothesis import strategies as st
 
 from perception.detection import detect_quads
 from perception.lens import Lens
-from perception.quads import LEAST_CONTRAST, Quad, first_corners, fit_quad, follow_quad, ordered
+from perception.quads import (
+    LEAST_CONTRAST,
+    Quad,
+    first_corners,
+    fit_quad,
+    fit_quads,
+    follow_quad,
+    ordered,
+)
 from perception.quality import Quality
 from tests.perception.drawn import BRIGHT, DARK, Eye, Pad, defocused, drawn, rays_of, stored
 
@@ -273,3 +282,26 @@ def test_where_light_does_not_rise_to_another_view_there_is_no_seam(end):
     gray = stored(light_of(pad), 2.0).astype(np.float32)
     assert follow_quad(gray, LENS, WIDE.places(pad.corners())) is not None
     assert follow_quad(gray, LENS, WIDE.places(pad.corners()), beside=end) is None
+
+
+def test_quadrilaterals_together_are_those_of_each_by_itself():
+    """A pad, a part of it that is followed to the same edges, a line that is none, and a blotch."""
+    light = cv2.GaussianBlur(drawn(WIDE, [PADS["before"]]), (0, 0), 0.8)
+    gray = stored(light).astype(np.float32)
+    contour = contour_of(light)
+    middle = contour.mean(axis=0)
+    contours = [
+        contour,
+        np.round(middle + 0.97 * (contour - middle)).astype(contour.dtype),
+        np.array([[50, 60], [90, 60]], contour.dtype),
+        np.array([[5, 5], [5, 15], [15, 15], [15, 5]], contour.dtype),
+    ]
+    together = fit_quads(gray, LENS, contours)
+    alone = [fit_quad(gray, LENS, one) for one in contours]
+    assert [quad is None for quad in together] == [quad is None for quad in alone]
+    assert together[0] is not None
+    assert together[2] is None
+    for one, other in zip(together, alone, strict=True):
+        if one is not None and other is not None:
+            np.testing.assert_equal(dataclasses.asdict(one), dataclasses.asdict(other))
+    assert fit_quads(gray, LENS, []) == []

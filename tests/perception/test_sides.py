@@ -17,10 +17,13 @@ from perception.sides import (
     TRIMMED,
     Edges,
     Line,
+    Outline,
     Side,
     _brighter,
     _Medians,
+    find_all_edges,
     find_edges,
+    fit_all_lines,
     fit_lines,
 )
 from tests.perception.drawn import BRIGHT, DARK, Eye, Pad, defocused, drawn, rays_of, stored
@@ -247,6 +250,34 @@ def test_beside_a_lamp_an_edge_is_where_the_pad_ends_or_is_doubted(gap, within):
     assert abs(off) < 3 * np.hypot(deviation, 0.1)
     assert edges.doubt[[0, 1, 3]].tolist() == [0, 0, 0]
     assert edges.lit.tolist() == [False, False, gap < 8, False]
+
+
+@pytest.mark.parametrize("lamp", [False, True])
+def test_views_together_have_the_edges_and_lines_of_each_by_itself(lamp):
+    """One beside a lamp or beside another view, one that is dark, and one that is well off."""
+    light = cv2.GaussianBlur(drawn(EYE, [PAD]), (0, 0), 0.8)
+    light[100:250, 330:345] += 1000 * lamp
+    codes = stored(light)
+    gray, lamps = codes.astype(np.float32), lamp_mask(codes, codes)
+    assert lamps.any() == lamp
+    plane, sides = sides_of(PAD)
+    dark = [Side(side.start + 0.9, side.end + 0.9) for side in sides]
+    outlines = [
+        Outline(plane, sides, 1),
+        Outline(plane, dark),
+        Outline(*sides_of(PAD, 4 / EYE.focal)),
+    ]
+    together = find_all_edges(gray, LENS, outlines, lamps)
+    lines = fit_all_lines(together)
+    assert together[0].found.any()
+    assert together[2].found.any()
+    for (one, own, beside), edges, of_view in zip(outlines, together, lines, strict=True):
+        alone = find_edges(gray, LENS, one, own, lamps, beside)
+        np.testing.assert_equal(dataclasses.asdict(edges), dataclasses.asdict(alone))
+        np.testing.assert_equal(
+            [dataclasses.asdict(line) for line in of_view],
+            [dataclasses.asdict(line) for line in fit_lines(alone)],
+        )
 
 
 def test_an_edge_wider_than_the_others_is_a_gradient_and_doubted():

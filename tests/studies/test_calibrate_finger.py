@@ -1,7 +1,9 @@
 """`designopt calibrate finger` on frames of a finger whose errors and angles are known."""
 
 import csv
+import re
 import shutil
+from dataclasses import replace
 from importlib.resources import files
 
 import cv2
@@ -13,10 +15,12 @@ from designopt import UserError, cli
 from optics import Imaging
 from optics.calibration import CalibratedLens, Fisheye, write_lens
 from optics.rendering import Effects
-from perception.proprioception import find_pose, observe
+from optics.scene.fabrication import name_fabrication_errors
+from perception.proprioception import FingerErrors, find_pose, observe
 from studies.commands.finger import read_frames
 from studies.models.sensor.finger_sensor import FingerSensor
 from studies.models.sensor.lens_in_scene import with_lens
+from studies.models.sensor.made import OF_PADS, with_new_pads
 from studies.models.sensor.sensor_folder import read_sensor
 from studies.models.sensor.spec import FingerImagesSpec
 
@@ -57,18 +61,23 @@ def folder(finger, tmp_path_factory):
     folder = tmp_path_factory.mktemp("frames")
     write_lens(lens_as_designed(finger), folder / "lens.toml")
     shutil.copy(str(files("studies") / "models/bare_finger.toml"), folder / "finger.toml")
-    camera = finger.made_renderer(Effects(), seed=3)
+    write_frames(finger.made_renderer(Effects(), seed=3), folder / "frames.csv", LABELLED)
+    with (folder / "frames.csv").open("a", newline="") as stream:
+        stream.write("missing.png,,\n")
+    return folder
+
+
+def write_frames(camera, path, labelled):
     labels = ANGLES_DEG + np.random.default_rng(0).normal(0, 0.1, ANGLES_DEG.shape)
-    with (folder / "frames.csv").open("w", newline="") as stream:
+    with path.open("w", newline="") as stream:
         rows = csv.writer(stream)
         rows.writerow(["image", "pip_deg", "dip_deg"])
         for number, angles in enumerate(ANGLES_DEG):
             image = camera.render(np.radians(angles), frame=number).pixels
-            cv2.imwrite(str(folder / f"{number}.png"), image[..., ::-1])
-            known = labels[number].round(4).tolist() if number < LABELLED else ["", ""]
-            rows.writerow([f"{number}.png", *known])
-        rows.writerow(["missing.png", "", ""])
-    return folder
+            name = f"{path.stem}-{number}.png"
+            cv2.imwrite(str(path.parent / name), image[..., ::-1])
+            known = labels[number].round(4).tolist() if number < labelled else ["", ""]
+            rows.writerow([name, *known])
 
 
 def test_a_scene_with_a_calibrated_lens_images_as_the_lens_does(finger):
@@ -97,7 +106,7 @@ def test_a_scene_with_a_calibrated_lens_images_as_the_lens_does(finger):
 
 
 @pytest.mark.slow
-def test_a_sensor_reads_angles_that_are_not_labelled(folder, capsys):
+def test_a_sensor_reads_angles_that_are_not_labelled(finger, folder, capsys):
     out = folder / "my.sensor"
     words = ["calibrate", "finger", str(folder / "frames.csv"), "--lens", str(folder / "lens.toml")]
     words += ["--finger", str(folder / "finger.toml"), "--out", str(out)]
@@ -115,11 +124,62 @@ def test_a_sensor_reads_angles_that_are_not_labelled(folder, capsys):
     found = find_pose(sensor.finger.model, seen, np.radians([20.0, 50.0]), sensor.errors)
     assert bool(found.ok.all())
     np.testing.assert_allclose(np.degrees(found.value.angles), ANGLES_DEG[-1], atol=0.2)
+    assert re.search(r"joint angles: ±0\.\d\d° over all poses", captured.out)
     assert cli.run([*words, "--gamma", "1"]) == 2
     assert "exists already" in capsys.readouterr().err
+
+    # Other pads of the same finger: two labels are enough, as camera and mirrors are known.
+    made, others = finger.made(3, 0)[0], finger.made(4, 0)[0]
+    mixed = replace(made, **{name: getattr(others, name) for name in OF_PADS})
+    write_frames(finger.renderer(Effects(), mixed, 3), folder / "again.csv", 2)
+    again = folder / "again.sensor"
+    words = ["calibrate", "finger", str(folder / "again.csv"), "--only", "pads"]
+    assert cli.run([*words, "--sensor", str(out), "--out", str(again)]) == 0
+    print(capsys.readouterr().out)
+    found = read_sensor(again)
+    np.testing.assert_allclose(np.degrees(found.angles[2:]), ANGLES_DEG[2:], atol=0.25)
+    assert found.scatter < 1.3
     (out / "arrays.npz").write_bytes(b"PK nothing")
     with pytest.raises(UserError, match=r"arrays.npz: cannot be read: it is damaged"):
         read_sensor(out)
+
+
+def test_new_pads_are_known_by_their_tolerances(finger):
+    generator = np.random.default_rng(0)
+    count, offsets = finger.model.errors, (len(finger.model.views), 4, 2)
+    causes = count + int(np.prod(offsets))
+    root = generator.normal(size=(causes, causes))
+    errors = FingerErrors(
+        jnp.asarray(generator.normal(size=count)),
+        jnp.asarray(generator.normal(size=offsets)),
+        jnp.asarray(root @ root.T / causes),
+        jnp.asarray(1.2),
+    )
+    new = with_new_pads(errors, finger.deviations)
+    words = name_fabrication_errors(finger.scene.layout, finger.deviations)
+    is_pad = np.array(["pad" in word for word in words])
+    assert 0 < is_pad.sum() < len(is_pad) == count
+    np.testing.assert_array_equal(new.mean, np.where(is_pad, 0.0, errors.mean))
+    kept = np.append(~is_pad, np.zeros(causes - count, bool))
+    np.testing.assert_array_equal(
+        new.covariance[np.ix_(kept, kept)], errors.covariance[np.ix_(kept, kept)]
+    )
+    np.testing.assert_array_equal(new.covariance[np.ix_(~kept, ~kept)], np.eye((~kept).sum()))
+    assert not np.any(new.covariance[np.ix_(kept, ~kept)])
+    assert not np.any(new.offsets)
+
+
+@pytest.mark.parametrize(
+    ("more", "line"),
+    [
+        ([], "--lens LENS.toml and --finger FINGER.toml are missing"),
+        (["--only", "pads"], "--only pads goes with --sensor"),
+        (["--only", "pads", "--sensor", "x", "--lens", "y"], "--lens is that of --sensor"),
+    ],
+)
+def test_what_does_not_go_together_is_one_line(more, line, capsys):
+    assert cli.run(["calibrate", "finger", "frames.csv", *more]) == 2
+    assert line in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from optics import Equidistant, Fabrication, KannalaBrandt, Scene, scale_errors
 from optics.scene.sold import projection_entry
+from perception.proprioception import FingerErrors
 from studies.models.sensor.spec import MadeSpec
 
 BODY = "camera body"
@@ -81,4 +82,30 @@ def deviations_of(tolerances: MadeSpec, scene: Scene) -> Fabrication:
         index=None if layers is None else jnp.full(of_layers, tolerances.layer_index),
         pupil=tolerances.pupil_shift if moves else None,
         lateral_color=jnp.full(2, tolerances.lateral_color),
+    )
+
+
+OF_PADS = "pad_tilt", "pad_offset", "pad_shift", "pad_lean", "thickness", "index"
+"""Errors of fabrication that a pad brings along."""
+
+
+def with_new_pads(errors: FingerErrors, deviations: Fabrication) -> FingerErrors:
+    """What is known of a finger when its pads have been replaced: of these, their tolerances.
+
+    Args:
+        errors: as they were found with the pads of before.
+        deviations: standard deviation of every error of fabrication.
+    """
+    nothing = jax.tree.map(jnp.zeros_like, deviations)
+    parts = {name: getattr(deviations, name) for name in OF_PADS}
+    marked = replace(nothing, **jax.tree.map(jnp.ones_like, parts))
+    is_new = np.concatenate([np.ravel(leaf) > 0 for leaf in jax.tree.leaves(marked)])
+    # Corners are off in all frames alike as edges of pads are round.
+    is_new = np.append(is_new, np.ones(errors.offsets.size, bool))
+    kept = np.outer(~is_new, ~is_new)
+    return FingerErrors(
+        jnp.where(is_new[: errors.mean.size], 0.0, errors.mean),
+        jnp.zeros_like(errors.offsets),
+        jnp.where(kept, errors.covariance, 0.0) + jnp.diag(jnp.asarray(is_new, float)),
+        errors.scale,
     )

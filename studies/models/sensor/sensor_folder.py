@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import tomllib
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -100,12 +100,14 @@ def finger_sensor(
         tolerances: standard deviations of errors of fabrication.
         gamma: codes are light^(1/gamma).
 
+    Its lens has no errors of fabrication: its calibration leaves hundredths of a pixel.
+
     Raises:
         UserError: images of the scene cannot be analysed, or the lens is another camera's.
     """
     seen = with_lens(scene, lens)
-    finger = FingerSensor.of_scene(seen, width, deviations_of(tolerances, seen))
-    return finger.with_response(gamma)
+    deviations = replace(deviations_of(tolerances, seen), distortion=None, pupil=None)
+    return FingerSensor.of_scene(seen, width, deviations).with_response(gamma)
 
 
 def write_sensor(sensor: Sensor, folder: Path) -> None:
@@ -132,6 +134,27 @@ def write_sensor(sensor: Sensor, folder: Path) -> None:
     )
 
 
+def read_image_size(folder: str | Path) -> tuple[int, int]:
+    """Columns and rows of the pictures of the sensor in a folder; its models are not computed.
+
+    Raises:
+        UserError: there is none, or its description is damaged.
+    """
+    return calibrated_lens(_read_document(Path(folder))[0].lens).size
+
+
+def _read_document(path: Path) -> tuple[SensorFile, Scene]:
+    if not path.is_dir():
+        raise UserError(
+            f"{path}: there is no such folder; make a sensor with 'designopt calibrate finger'"
+        )
+    tables = read_toml(path / DOCUMENT, "sensor")
+    own = {name: tables[name] for name in ("sensor", "lens", "tolerances") if name in tables}
+    rest = {name: table for name, table in tables.items() if name not in own}
+    source = str(path / DOCUMENT)
+    return validated(SensorFile, own, source), parse_scene(rest, source)
+
+
 def read_sensor(folder: str | Path) -> Sensor:
     """The sensor in a folder.
 
@@ -139,15 +162,7 @@ def read_sensor(folder: str | Path) -> Sensor:
         UserError: there is none, or one of its files is damaged or does not fit the other.
     """
     path = Path(folder)
-    if not path.is_dir():
-        raise UserError(
-            f"{folder}: there is no such folder; make a sensor with 'designopt calibrate finger'"
-        )
-    tables = read_toml(path / DOCUMENT, "sensor")
-    own = {name: tables[name] for name in ("sensor", "lens", "tolerances") if name in tables}
-    rest = {name: table for name, table in tables.items() if name not in own}
-    source = str(path / DOCUMENT)
-    file, scene = validated(SensorFile, own, source), parse_scene(rest, source)
+    file, scene = _read_document(path)
     lens, table = calibrated_lens(file.lens), file.sensor
     finger = finger_sensor(scene, lens, table.width, file.tolerances, table.gamma)
     arrays = _read_arrays(path / ARRAYS)

@@ -71,6 +71,13 @@ def test_pictures_that_show_too_little_are_left_out(fit):
     assert len(found.residuals) == 7
 
 
+def test_a_lens_is_found_exactly_from_exact_corners():
+    seen, _ = sightings(*boards(0, 8), 1, noise=0.0)
+    found = calibrate_lens(seen, LENS.size).calibrated
+    np.testing.assert_allclose(parameters_of(found.lens), TRUTH, rtol=1e-6, atol=1e-6)
+    assert found.noise < 1e-5
+
+
 def test_too_few_pictures_are_an_error():
     seen, _ = sightings(*boards(0, 2), 1)
     with pytest.raises(UserError, match="2 of 2 pictures show at least 6 corners"):

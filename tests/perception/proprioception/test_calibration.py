@@ -344,3 +344,22 @@ def test_with_the_finger_known_exact_corners_reach_it():
     known = FingerErrors.of(MODEL, MADE, np.zeros((ERRORS, ERRORS)))
     found = find_pose(MODEL, one, POSE, known)
     np.testing.assert_allclose(found.value.deviations, bound.finger_known, rtol=1e-6)
+
+
+def test_what_was_known_before_counts_as_the_frames_did_that_it_came_from():
+    """Two halves of the frames, one after the other, are all of them at once."""
+    generator = np.random.default_rng(5)
+    frames = [frame(MADE, angles, generator=generator, alike=0.2) for angles in SPREAD_OUT]
+    labels = SPREAD_OUT + generator.normal(0, LABELS, SPREAD_OUT.shape)
+    whole = calibrate(MODEL, stack_observations(frames), labels, LABELS).value
+    half = FRAMES // 2
+    first = calibrate(MODEL, stack_observations(frames[:half]), labels[:half], LABELS).value
+    found, scale = first.errors, first.errors.scale
+    before = FingerErrors(found.mean, found.offsets, found.covariance / scale**2, scale)
+    given = stack_observations(frames[half:]), labels[half:], LABELS
+    second = calibrate(MODEL, *given, before).value
+    deviations = np.sqrt(np.diag(whole.errors.covariance))[:ERRORS]
+    off = np.asarray(second.errors.mean - whole.errors.mean) / deviations
+    assert np.abs(off).max() < 0.05
+    alone = calibrate(MODEL, *given).value
+    assert np.abs(np.asarray(alone.errors.mean - whole.errors.mean) / deviations).max() > 0.3
