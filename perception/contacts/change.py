@@ -30,9 +30,9 @@ PIXEL = 12**-0.5
 """Deviation of a place that may be anywhere within a pixel: two pictures lie on each other so well,
 and where their light changes quickly, so does their difference."""
 
-STEEPEST = 2.0
-"""Of rays' slopes: flanks of bulges rise by about a half, and in views that are flatter they hide
-what is behind them."""
+FLATTEST = 2.0
+"""Length of a pixel on the pad over its width, 60° from above: in views that are flatter, flanks of
+bulges hide what is behind them, and light by way of layers depends on the joints' angles."""
 
 APART = 1.5
 """Pixels: noise at places so far from each other has little in common."""
@@ -104,7 +104,7 @@ class Change:
         away = [np.minimum(one, one[::-1]) for one in away]
         rim = RIM + RIM_PIXELS * pixels
         inner = (away[0][:, None] > rim[..., 0]) & (away[1] > rim[..., 1])
-        inner &= np.hypot(slopes[..., 0], slopes[..., 1]) < STEEPEST
+        inner &= pixels.max(axis=-1) < FLATTEST * pixels.min(axis=-1)
         light = np.log(smooth)
         rises = np.gradient(light, CELL, axis=(0, 1))
         unsure = PIXEL * np.hypot(*(r * pixels[..., i, None] for i, r in enumerate(rises)))

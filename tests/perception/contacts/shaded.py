@@ -99,9 +99,9 @@ def response(gamma):
 
 
 def sight(slope=(0.0, 0.0)):
-    """A camera far away, a pixel for every sample."""
-    pixels = np.full((13, 13, 2), 1 / PER_MM)
-    return Sight(np.broadcast_to(np.array(slope), (13, 13, 2)), pixels)
+    """A camera far away, a pixel for every sample where it looks straight down."""
+    pixels = np.sqrt(1 + np.square(slope)) / PER_MM
+    return Sight(*(np.broadcast_to(np.array(one), (13, 13, 2)) for one in (slope, pixels)))
 
 
 def view(pad="tip", path="direct"):
