@@ -127,6 +127,7 @@ def fit_quad(
         >>> fit_quad(image.astype(np.float32), lens, contour[:, 0]).corners.round().tolist()
         [[30.0, 70.0], [30.0, 19.0], [89.0, 19.0], [89.0, 70.0]]
     """
+    checked_brightness(gray, lens.shape, contour)
     return fit_quads(gray, lens, [contour], lamps)[0]
 
 
@@ -202,11 +203,12 @@ def _settled(
     asked = {number: next(search) for number, search in searches.items()}
     found: dict[int, Quad | None] = {}
     while asked:
-        edges = find_all_edges(gray, lens, list(asked.values()), lamps)
+        outlines = list(asked.values())
+        edges = find_all_edges(gray, lens, outlines, lamps)
         lines = fit_all_lines(edges)
-        for number, *own in list(zip(asked, asked.values(), edges, lines, strict=True)):
+        for number, outline, own, through in zip(list(asked), outlines, edges, lines, strict=True):
             try:
-                asked[number] = searches[number].send(_moved(*own))
+                asked[number] = searches[number].send(_moved(outline, own, through))
             except StopIteration as end:
                 del asked[number]
                 found[number] = end.value

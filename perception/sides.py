@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import cv2
@@ -415,12 +415,10 @@ def fit_lines(edges: Edges) -> list[Line]:
 def fit_all_lines(views: Sequence[Edges]) -> list[list[Line]]:
     """As `fit_lines`, of several views at once, which takes a third of the time."""
     each = len(views[0].found)
-    edges = Edges(
-        views[0].shares,
-        *(
-            np.concatenate([getattr(view, part) for view in views])
-            for part in ("offsets", "scale", "found", "contrast", "width", "clear", "doubt", "lit")
-        ),
+    parts = "offsets", "scale", "found", "contrast", "width", "clear", "doubt", "lit"
+    edges = replace(
+        views[0],
+        **{name: np.concatenate([getattr(view, name) for view in views]) for name in parts},
     )
     lines = _lines(edges)
     return [lines[start : start + each] for start in range(0, len(lines), each)]

@@ -50,9 +50,9 @@ def draw_overlay(seen: Seen, joints: Sequence[str], pads: Sequence[str]) -> Imag
         color = COLORS[pads.index(view.pad) % len(COLORS)]
         complete = view.quality is Quality.COMPLETE
         # Pixels' middles are whole numbers; OpenCV draws at parts of a pixel by shifted integers.
-        outline = np.round(16 * view.corners).astype(np.int32)[None]
+        outline = np.round(16 * view.corners).astype(np.int32)
         for line, ink in ((broad + 2, PAPER), (broad if complete else 1, color)):
-            cv2.polylines(picture, outline, True, ink, line, cv2.LINE_AA, 4)
+            cv2.polylines(picture, [outline], True, ink, line, cv2.LINE_AA, 4)
         label = view.pad if view.path == "direct" else f"{view.pad}, {view.path}"
         if not complete:
             label += f" ({view.quality.name.lower().replace('_', ' ')})"

@@ -12,6 +12,13 @@ class ImageCheckSpec(Spec):
     fingers: int = setting(
         30, "fabricated fingers, one after the other of every kind", scales=True, ge=1, le=1000
     )
+    calibrated: int = setting(
+        6,
+        "further ones, each with a lens of its own that is calibrated from a board's pictures",
+        scales=True,
+        ge=0,
+        le=1000,
+    )
     frames: int = setting(
         5, "random frames of each, whose joint angles are estimated", scales=True, ge=1, le=1000
     )

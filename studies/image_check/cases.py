@@ -20,8 +20,11 @@ from studies.models.sensor.spec import WIDTH
 from studies.oracles.judge.capture import Capture
 from studies.oracles.judge.contacts import Contact
 from studies.oracles.judge.fabrication import sample_errors
+from studies.oracles.judge.frames import ASPECT
+from studies.oracles.judge.lens import Lens
 from studies.oracles.judge.solids import FOOT, TOP
 from studies.oracles.judge.solids import GAP as GAP_IN_AIR
+from studies.oracles.judge.wide_lens import WideLens
 
 ACRYLIC = {"red": 1.489, "green": 1.493, "blue": 1.499}
 """Refractive indices at 630, 530 and 465 nm, by the dispersion of N. Sultanova et al., Acta Phys.
@@ -70,6 +73,18 @@ CONDITIONS = (
 )
 """Light and layers of one finger after the other."""
 
+CALIBRATED = (EVEN, "3 mm"), (GAP, "none"), (COUPLED, "3 mm, lamps")
+"""Of those whose lens is not the designed one."""
+
+LENS_SPREADS, OFFSET_PX = (0.03, 5e-3, 5e-4), 15.0
+"""Standard deviations of k₁, k₂ and k₃ of such a lens, and of where its axis is imaged."""
+
+PUPILS = (0.2, 0.6), 0.03
+"""Range of e₂ of such a lens, mm per rad², and the standard deviation of e₄."""
+
+WIDEST = math.radians(88)
+"""Angle from the axis up to which such a lens has an image."""
+
 UNTOUCHED = 5
 """Of so many frames beside the labelled ones, one has nothing pressed in."""
 
@@ -90,6 +105,7 @@ class Finger(NamedTuple):
         errors: as the judge has drawn them; estimators never get them.
         poses: joint angles of its frames, the labelled ones first, degrees.
         captures: of its frames.
+        lens: that of its camera, if it is not the designed one.
     """
 
     number: int
@@ -99,6 +115,7 @@ class Finger(NamedTuple):
     errors: dict[str, Any]
     poses: Float[np.ndarray, "frames joints"]
     captures: list[Capture]
+    lens: WideLens | None = None
 
 
 def nominal(layers: str) -> dict[str, Any]:
@@ -133,12 +150,16 @@ def without_layers(tables: Mapping[str, Any]) -> Scene:
 
 def fingers(spec: ImageCheckSpec, deviations: Mapping[str, Any], seed: int) -> Iterator[Finger]:
     """All fingers of a run."""
-    for number in range(spec.fingers):
-        light, layers = CONDITIONS[number % len(CONDITIONS)]
+    for number in range(spec.fingers + spec.calibrated):
+        further = number - spec.fingers
+        conditions = CONDITIONS if further < 0 else CALIBRATED
+        light, layers = conditions[(number if further < 0 else further) % len(conditions)]
         generator = np.random.default_rng([seed, number])
         tables = nominal("3 mm, polished" if light == COUPLED else layers)
+        lens = None if further < 0 else _own_lens(tables["camera"], generator)
         has = {"thickness", "index"} if "layers" not in tables["pads"][0] else set()
         has |= set() if layers in PUPIL else {"pupil"}
+        has |= set() if lens is None else {"distortion"}  # it has its own coefficients
         own = {name: value for name, value in deviations.items() if name not in has}
         errors = sample_errors(tables, own, generator)
         top = RANGES_DEG.get(layers, 90.0)
@@ -153,7 +174,19 @@ def fingers(spec: ImageCheckSpec, deviations: Mapping[str, Any], seed: int) -> I
             )
             for i in range(len(poses))
         ]
-        yield Finger(number, light, layers, tables, errors, poses, captures)
+        yield Finger(number, light, layers, tables, errors, poses, captures, lens)
+
+
+def _own_lens(camera: dict[str, Any], generator: np.random.Generator) -> WideLens:
+    """Put another lens into ``[camera]``, and return it as boards are photographed with it."""
+    coefficients = (*(generator.normal(0, 1, 3) * LENS_SPREADS).tolist(), 0.0)
+    pupil = generator.uniform(*PUPILS[0]), generator.normal(0, PUPILS[1])
+    offset = generator.normal(0, OFFSET_PX, 2)
+    camera |= {"projection": list(coefficients), "axis_offset_px": offset.tolist()}
+    camera |= {"pupil_shift": list(pupil)}
+    made = Lens.of(camera, (1 + 0j, 0j), ASPECT)
+    size = made.columns, made.rows
+    return WideLens(size, made.focal, made.middle, ((1.0, coefficients),), pupil, WIDEST)
 
 
 def _pressed(frame: int) -> bool:

@@ -20,8 +20,11 @@ from designopt.plot.figures import new_figure
 from designopt.study import plots
 from designopt.user_folders import cache_folder
 from optics import parse_scene
+from optics.calibration import CalibratedLens
+from optics.calibration.lens import calibrate_lens
 from optics.scene.layers import CHANNELS, GREEN
 from optics.visibility.outlines import CORNERS
+from perception.boards import Board, detect_board
 from perception.matching import Sighting
 from perception.proprioception import (
     JointAngleResult,
@@ -46,12 +49,16 @@ from studies.image_check.cases import (
     with_lamps,
     without_layers,
 )
+from studies.models.board_sightings import sightings_of
 from studies.models.path_tracer import require_mitsuba
 from studies.models.sensor.estimators import Predictor
 from studies.models.sensor.finger_sensor import FingerSensor
 from studies.models.sensor.made import deviations_of, in_section
+from studies.models.sensor.sensor_folder import finger_sensor
 from studies.models.sensor.spec import WIDTH
+from studies.oracles.judge import boards
 from studies.oracles.judge.photograph import Photograph, photograph
+from studies.oracles.judge.wide_lens import WideLens
 
 FOLDER = "image-check"
 """Of pictures, in the user's cache."""
@@ -74,6 +81,12 @@ ENDS = {(0, -1): 0, (0, 1): 1, (1, -1): 2, (1, 1): 3}
 
 NOT_SEEN = JointAngleResult[JointAngleResult.not_seen]
 """Message of a joint that no complete view shows."""
+
+BOARDS, DICTIONARY = 12, "DICT_4X4_100"
+"""Pictures of a board from which a lens is calibrated, and OpenCV's name of the board's markers."""
+
+DESIGNED, CALIBRATED = "designed", "calibrated"
+"""What is known of a lens."""
 
 MODELS = ("in space, with layers", "in the section, in air")
 
@@ -137,10 +150,9 @@ class Findings:
 
     def sensor(self, layers: str, light: str, *, air: bool = False) -> FingerSensor:
         """The finger with such layers as designed; or as the model in air and section has it."""
-        # Lamps that are coupled to layers, or behind a gap beside these, hide nothing of a pad.
-        lamps = light != EVEN and layers == "none"
+        lamps = has_lamps(layers, light)
         if (layers, lamps, air) not in self._sensors:
-            tables = with_lamps(nominal(layers)) if lamps else nominal(layers)
+            tables = designed(layers, light)
             scene = without_layers(tables) if air else parse_scene(tables, "finger")
             deviations = deviations_of(self._spec.tolerances, scene)
             if air:
@@ -153,16 +165,22 @@ class Findings:
         angles = np.deg2rad(finger.poses)
         gamma = finger.captures[0].gamma
         where = {"finger": finger.number, "light": finger.light, "layers": finger.layers}
+        where["lens"] = DESIGNED if finger.lens is None else CALIBRATED
         noise = np.random.default_rng([seed, finger.number, 1]).standard_normal(angles.shape)
         labels = (angles + self._label * noise)[: self._spec.labelled]
-        sensor = self.sensor(finger.layers, finger.light).with_response(gamma)
+        if finger.lens is None:
+            sensor = self.sensor(finger.layers, finger.light).with_response(gamma)
+        else:
+            scene = parse_scene(designed(finger.layers, finger.light), "finger")
+            lens = calibrate_own(finger.lens, [seed, finger.number])
+            sensor = finger_sensor(scene, lens, WIDTH, self._spec.tolerances, gamma)
         start = time.perf_counter()
         sightings = [sensor.detect(photo.pixels) for photo in photos]
         seconds = (time.perf_counter() - start) / len(photos)
         unit = in_deviations(finger.errors, sensor.deviations)
         self._add_views(where, finger, sensor, photos, sightings, unit, seconds)
         self._add_angles(where | {"model": MODELS[0]}, sensor, sightings, angles, labels, unit)
-        if finger.light == EVEN and finger.layers != "none":
+        if finger.light == EVEN and finger.layers != "none" and finger.lens is None:
             # The model in air gets what was found with the layers: by itself it would find little.
             air = self.sensor(finger.layers, finger.light, air=True)
             self._add_angles(where | {"model": MODELS[1]}, air, sightings, angles, labels, None)
@@ -272,6 +290,30 @@ class Findings:
             )
 
 
+def has_lamps(layers: str, light: str) -> bool:
+    """Whether lamps are parts that hide something: beside layers, or coupled to them, none is."""
+    return light != EVEN and layers == "none"
+
+
+def designed(layers: str, light: str) -> dict[str, Any]:
+    """Tables of the finger as it was designed."""
+    return with_lamps(nominal(layers)) if has_lamps(layers, light) else nominal(layers)
+
+
+def calibrate_own(lens: WideLens, seed: list[int]) -> CalibratedLens:
+    """A lens as the pictures of a board have it that the judge has taken with it."""
+    generator, board, seen = np.random.default_rng([*seed, 2]), Board(), []
+    made = boards.Board(
+        "charuco", board.columns, board.rows, board.square, board.marker_side, DICTIONARY
+    )
+    for number in range(BOARDS):
+        pose = boards.random_pose(generator, lens, made)
+        conditions = boards.random_conditions(generator)
+        taken = boards.photograph_board(lens, made, pose, conditions, number)
+        seen.append(detect_board(taken.pixels, board))
+    return calibrate_lens(sightings_of(board, seen), lens.size).calibrated
+
+
 def ratio_of_variances(angles: Records) -> float:
     """Mean predicted variance over mean squared error."""
     return (angles.stat("rms deviation_deg") / angles.stat("rms error_deg")) ** 2
@@ -304,8 +346,16 @@ def add_metrics(out: Report, found: Findings) -> None:
     sure = (corners["deviations"] > SURE) & (corners["error_px"] > FAR_PX) & corners["stated"]
     out.metrics(corners_wrong=int(sure.sum()))
     ours = defined(found.angles.where(model=MODELS[0]))
+    out.metrics(angles=len(ours))
     out.metrics(angles_defined=found.angles.where(model=MODELS[0]).stat("defined error_deg"))
-    for light, own in ours.group("light").items():
+    own = ours.where(lens=CALIBRATED)
+    if len(own):
+        out.metrics(
+            corner_median_calibrated_px=judged.where(lens=CALIBRATED).stat("median error_px"),
+            angle_mean_calibrated_deg=own.stat("mean_abs error_deg"),
+            angle_p95_calibrated_deg=own.stat("p95_abs error_deg"),
+        )
+    for light, own in ours.where(lens=DESIGNED).group("light").items():
         name = {EVEN: "even", GAP: "gap", COUPLED: "coupled"}[str(light)]
         over = own.stat("rms error_deg") / own.stat("rms bound_deg")
         out.metrics(
@@ -338,8 +388,10 @@ def add_findings(out: Report, found: Findings) -> None:
     out.say("views")
     if len(found.corners.where(light=EVEN)):
         out.say("corners")
-    if len(defined(found.angles.where(model=MODELS[0], light=EVEN))):
+    if len(defined(found.angles.where(model=MODELS[0], light=EVEN, lens=DESIGNED))):
         out.say("angles")
+    if len(defined(found.angles.where(model=MODELS[0], lens=CALIBRATED))):
+        out.say("calibrated")
     if len(found.angles.where(model=MODELS[1])):
         out.say("air")
     out.say("model")
@@ -347,7 +399,7 @@ def add_findings(out: Report, found: Findings) -> None:
 
 def add_tables(out: Report, found: Findings) -> None:
     """Views, corners and angles by light and layers, and what was not found."""
-    by = ("light", "layers")
+    by = ("lens", "light", "layers")
     whole = found.views.where(whole=True)
     out.table("views", whole.summary(*by, views="count complete", found="share complete"))
     errors = {"median_px": "median error_px", "p95_px": "p95 error_px", "worst_px": "max error_px"}

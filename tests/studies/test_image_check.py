@@ -28,6 +28,7 @@ from studies.image_check.cases import (
 from studies.models import path_tracer
 from studies.models.sensor.made import deviations_of
 from studies.models.sensor.spec import MadeSpec
+from studies.oracles.judge.lens import Lens
 from studies.oracles.judge.solids import faces_of
 from tests.studies.quick import quick_run
 
@@ -50,8 +51,25 @@ def test_default_frames_are_lit_by_both_couplings_and_pressed():
     assert not any(capture.contacts for one in made for capture in one.captures[:5])
 
 
+def test_a_lens_of_its_own_is_the_same_before_boards_and_in_the_finger():
+    spec = ImageCheckSpec(fingers=1, calibrated=3, frames=1)
+    plain_one, *own = fingers(spec, plain(stated()), 0)
+    assert plain_one.lens is None
+    assert {one.light for one in own} == {EVEN, GAP, COUPLED}
+    for one in own:
+        assert one.lens is not None
+        assert not {"distortion", "pupil"} & set(one.errors)
+        judged = Lens.of(one.tables["camera"], (1 + 0j, 0j), 4 / 3)
+        places = np.array([[700.0, 500.0], [300.0, 800.0], [1200.0, 200.0]])
+        ways, _ = one.lens.sight(places)
+        rays = judged.rays(places)
+        across = [rays @ judged.right, -(rays @ judged.up), rays @ judged.axis]
+        np.testing.assert_allclose(ways, np.stack(across, axis=-1), atol=1e-7)
+        assert one.tables["camera"]["axis_offset_px"] != [0.0, 0.0]
+
+
 def test_errors_are_counted_in_their_standard_deviations():
-    for one in fingers(ImageCheckSpec(fingers=10, frames=1), plain(stated()), 3):
+    for one in fingers(ImageCheckSpec(fingers=10, calibrated=0, frames=1), plain(stated()), 3):
         deviations = stated(one.layers)
         numbers = in_deviations(one.errors, deviations)
         names = [field.name for field in dataclasses.fields(deviations)]

@@ -97,6 +97,12 @@ def run(reader, name, out, page=None, **asked):
     return session.counts
 
 
+def picture_in(path):
+    picture = cv2.imread(str(path))
+    assert picture is not None
+    return picture
+
+
 def rows_of(folder):
     with (folder / "readings.csv").open(newline="") as stream:
         return list(csv.DictReader(stream, strict=True))
@@ -183,13 +189,11 @@ def test_the_reference_is_the_nearest_frame_that_shows_the_view(reader, frames):
     reading = reader.read(frames[0])
     view = reader.finger.best_view(reading.sighting, reader.pads[0])
     away = np.sum((reader.sensor.angles - reading.angles) ** 2, axis=1)
-    for number in np.argsort(away):
-        frame = reader.sensor.frames[number]
-        own = reader.finger.detect(frame).view(view.pad, view.path)
-        if own is not None and own.quality is Quality.COMPLETE:
-            break
+    sorted_frames = reader.sensor.frames[np.argsort(away)]
+    own = [(one, reader.finger.detect(one).view(view.pad, view.path)) for one in sorted_frames]
+    complete = [one for one in own if one[1] and one[1].quality is Quality.COMPLETE]
     found = reader._reference(view, reading.angles)
-    np.testing.assert_array_equal(found, reader.finger.unwarp(frame, own))
+    np.testing.assert_array_equal(found, reader.finger.unwarp(*complete[0]))
     elsewhere = dataclasses.replace(view, path="mirror:nowhere")
     assert isinstance(elsewhere, View)
     assert reader._reference(elsewhere, reading.angles) is None
@@ -228,11 +232,11 @@ def test_a_folder_becomes_rows_and_lines(reader, frames, tmp_path):
     direct = [view for view in lines[0]["views"] if view["quality"] == "complete"]
     assert np.array([view["corners_px"] for view in direct]).shape[1:] == (4, 2)
     for number in (0, 3, 4):
-        assert cv2.imread(str(out / f"overlay/{number:06d}.png")).shape == frames[0].shape
+        assert picture_in(out / f"overlay/{number:06d}.png").shape == frames[0].shape
     pad, shown = next(iter(lines[0]["pads"].items()))
-    unwarped = cv2.imread(str(out / f"pads/000000-{pad}.png"))
+    unwarped = picture_in(out / f"pads/000000-{pad}.png")
     assert unwarped.shape[0] == round(10 * reader.finger.catalog.lengths[pad])
-    assert cv2.imread(str(out / f"pads/000000-{pad}-change.png")).shape == unwarped.shape
+    assert picture_in(out / f"pads/000000-{pad}-change.png").shape == unwarped.shape
     assert float(rows[0][f"{pad}_change"]) == shown["change"]
     document = json.loads((out / "results.json").read_text())
     assert document["frames"] == {"read": 3, "lost": 2, "refused": 1}
@@ -370,10 +374,12 @@ def test_items_come_in_order_and_no_more_than_are_asked_for(reader, stream):
 
     source = open_source(stream.url)
     with closing(arriving(source, start, 2)) as arrivals:
-        numbers = [next(arrivals).item.number for _ in range(3)]
+        items = [next(arrivals).item for _ in range(3)]
         time.sleep(0.3)
         assert len(started) <= 4
+    numbers = [item.number for item in items if isinstance(item, Frame)]
     assert numbers == sorted(numbers)
+    assert len(numbers) > 0
     assert next(arrivals, None) is None
 
     class Broken(Source):
@@ -444,6 +450,7 @@ def test_the_live_page_shows_the_newest_frame(reader, frames):
             (length,) = [int(one.split()[1]) for one in head if one.startswith(b"Content-Length")]
             data = answer.fp.read(length)
         shown = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+        assert shown is not None
         assert shown.shape == frames[0].shape
         assert read(page, "/", host="elsewhere.example:80")[0] == 403
         assert read(page, "/pad/99")[0] == read(page, "/etc/passwd")[0] == 404
@@ -537,7 +544,9 @@ def test_the_command_reads_a_stream_until_it_is_interrupted(reader, frames, stre
     assert process.returncode == 0, errors
     assert "Traceback" not in errors
     assert "frames read" in errors
-    assert lines_of(out) == [*found, *map(json.loads, rest.splitlines())]
+    printed, kept = [*found, *map(json.loads, rest.splitlines())], lines_of(out)
+    assert kept[: len(printed)] == printed
+    assert len(kept) - len(printed) in (0, 1)  # the interrupt may come between the two
     write(tmp_path / "one.png", frames[0])
     again = subprocess.run(
         [*command, str(tmp_path / "one.png"), *words, "--force"],
