@@ -9,6 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import lineax as lx
+import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
@@ -69,6 +70,22 @@ def with_jacobian(function: Residuals, jacobian: Jacobian | None = None) -> Resi
         return value, slopes @ towards[0]
 
     return known
+
+
+def add_information(
+    covariance: Float[np.ndarray, "parameters parameters"],
+    information: Float[np.ndarray, "parameters parameters"],
+) -> Float[np.ndarray, "parameters parameters"]:
+    """The covariance of parameters on which there is more information: (C⁻¹ + N)⁻¹.
+
+    By Woodbury's identity it is (I + C N)⁻¹ C, also of a C without an inverse: a parameter that is
+    held stays so.
+
+    Example:
+        >>> add_information(np.diag([4.0, 0.0]), np.eye(2)).tolist()
+        [[0.8, 0.0], [0.0, 0.0]]
+    """
+    return np.linalg.solve(np.eye(len(covariance)) + covariance @ information, covariance)
 
 
 class Fit(eqx.Module):

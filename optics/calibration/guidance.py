@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from designopt.fitting import add_information
 from optics.calibration.bundle import POSE, lens_of, parameters_of, turn
 from optics.calibration.calibrated import CalibratedLens
 
@@ -137,7 +138,7 @@ def suggest_pictures(
     covariance, found = lens.covariance, list[Suggestion]()
     before = float(np.sqrt(np.trace(wanted @ covariance)))
     while len(found) < MOST and len(useful) and before > ENOUGH_PX:
-        after = [_updated(covariance, one) for one in information]
+        after = [add_information(covariance, one) for one in information]
         deviations = [float(np.sqrt(np.trace(wanted @ one))) for one in after]
         best = int(np.argmin(deviations))
         if deviations[best] > WORTH * before:
@@ -252,12 +253,3 @@ def _information(
     slopes, pose = by_lens.reshape(-1, by_lens.shape[-1]), by_pose.reshape(-1, POSE)
     left = slopes - pose @ np.linalg.lstsq(pose, slopes)[0]
     return left.T @ left
-
-
-def _updated(
-    covariance: Float[np.ndarray, "9 9"], information: Float[np.ndarray, "9 9"]
-) -> Float[np.ndarray, "9 9"]:
-    """The covariance after more information; what is held stays so."""
-    # Woodbury's identity: C − C N (I + C N)⁻¹ C, also of a covariance without an inverse.
-    inner = np.eye(len(covariance)) + covariance @ information
-    return covariance - covariance @ information @ np.linalg.solve(inner, covariance)

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from designopt.fitting import add_information
 from perception.proprioception.bounds import frame_information
 from perception.proprioception.corners import LOOSE, CornerModel, FingerErrors
 from perception.proprioception.observation import Observation
@@ -72,8 +73,9 @@ def suggest_labels(
         >>> seen = stack_observations(
         ...     [Observation(frame, certain / 0.3, 0.3 * certain) for frame in corners]
         ... )
-        >>> suggest_labels(model, FingerErrors.of(model), seen, poses, 1e-3).poses[0]
-        1
+        >>> advice = suggest_labels(model, FingerErrors.of(model), seen, poses, 1e-3)
+        >>> advice.after[0] < 0.5 * advice.before
+        True
     """
     arrays = jax.tree.map(jnp.asarray, (seen, angles, deviation))
     found = map(np.asarray, _information(model, errors.mean, errors.scale, *arrays))
@@ -83,7 +85,7 @@ def suggest_labels(
     before = _rms(own, both, rest, covariance, known)
     advice = LabelAdvice(before, [], [])
     while len(advice.poses) < MOST:
-        tried = [_updated(covariance, one) for one in labels]
+        tried = [add_information(covariance, one) for one in labels]
         after = [_rms(own, both, rest, one, known) for one in tried]
         best = int(np.argmin(after))
         if after[best] > WORTH * before:
@@ -118,8 +120,8 @@ def _deviations(
     own: np.ndarray, both: np.ndarray, rest: np.ndarray, covariance: np.ndarray
 ) -> Float[np.ndarray, "poses joints"]:
     """Of the joint angles of every pose, whose corners determine errors as well."""
-    inner = np.eye(len(covariance)) + covariance @ rest
-    shared = both @ np.linalg.solve(inner, covariance[None]) @ both.swapaxes(1, 2)
+    left = np.stack([add_information(covariance, one) for one in rest])
+    shared = both @ left @ both.swapaxes(1, 2)
     return np.sqrt(np.diagonal(np.linalg.inv(own - shared), axis1=1, axis2=2))
 
 
@@ -128,9 +130,3 @@ def _rms(
 ) -> float:
     squares = _deviations(own, both, rest, covariance)[known] ** 2
     return float(np.sqrt(np.mean(squares))) if known.any() else float("inf")
-
-
-def _updated(covariance: np.ndarray, information: np.ndarray) -> np.ndarray:
-    """The covariance after more information (Woodbury's identity)."""
-    inner = np.eye(len(covariance)) + covariance @ information
-    return np.linalg.solve(inner, covariance)

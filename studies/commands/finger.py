@@ -41,7 +41,7 @@ from studies.models.sensor.sensor_folder import (
 )
 from studies.models.sensor.spec import MadeSpec
 
-RANGE_DEG, STEPS = 60.0, 4
+RANGE_DEG, STEPS = 60.0, 3
 """Poses that are suggested go from 0 to so many degrees where a file states no range, by so many
 values of every joint."""
 
@@ -113,7 +113,7 @@ def read_with_new_pads(folder: Path) -> Known:
     with jax.enable_x64(True):
         old = read_sensor(folder)
         before = with_new_pads(old.errors, old.finger.deviations)
-        # Its frames are kept within the joints' ranges.
+        # So far the joints are known to go.
         tops = np.max(old.angles, axis=0)
         return Known(old.scene, old.lens, old.finger.width, old.tolerances, tops, old.gamma, before)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from designopt import least_squares
+from designopt.fitting import add_information
 
 X = np.linspace(0.0, 3.0, 13)
 TRUTH = 2.0, -0.7
@@ -106,3 +107,18 @@ def test_residuals_outside_their_domain_are_reported_and_stay_finite():
     assert fit.solution.messages()[0]
     parts = (fit.solution.value, fit.solution.margin, fit.solution.residual)
     assert all(np.all(np.isfinite(part)) for part in (*parts, fit.covariance, fit.chi_squared))
+
+
+def test_information_adds_to_the_inverse_of_a_covariance():
+    roots = np.random.default_rng(0).normal(size=(2, 5, 5))
+    covariance, information = (root @ root.T for root in roots)
+    expected = np.linalg.inv(np.linalg.inv(covariance) + information)
+    np.testing.assert_allclose(add_information(covariance, information), expected, rtol=1e-9)
+    # What is held stays held, and the others are as if it were not there.
+    held = covariance.copy()
+    held[2] = held[:, 2] = 0
+    free = np.delete(np.arange(5), 2)
+    parts = np.ix_(free, free)
+    expected = np.zeros((5, 5))
+    expected[parts] = np.linalg.inv(np.linalg.inv(held[parts]) + information[parts])
+    np.testing.assert_allclose(add_information(held, information), expected, atol=1e-9)

@@ -30,7 +30,7 @@ from studies.commands.see import see
 from studies.commands.seen import Asked, Session
 from studies.models.sensor.finger_sensor import FingerSensor
 from studies.models.sensor.reading import Reader
-from studies.models.sensor.sensor_folder import Sensor, write_sensor
+from studies.models.sensor.sensor_folder import Sensor, finger_sensor, write_sensor
 from studies.models.sensor.spec import FingerImagesSpec, MadeSpec
 from tests.perception.sources import served
 from tests.perception.sources.clips import damaged
@@ -46,7 +46,9 @@ KNOWN = 0.05
 @pytest.fixture(scope="module")
 def camera():
     """A camera in front of a made finger, and the finger's true errors."""
-    finger = FingerSensor.of(FingerImagesSpec(), rows=ROWS)
+    designed = FingerSensor.of(FingerImagesSpec(), rows=ROWS)
+    lens = lens_as_designed(designed)
+    finger = finger_sensor(designed.scene, lens, designed.width, MadeSpec(), 1.0)
     made, errors = finger.made(3, 0)
     effects = dataclasses.replace(Effects(), noise=0.01, blur=0.6)
     return finger, finger.renderer(effects, made, 3), errors

@@ -190,7 +190,6 @@ def add_metrics(out: Report, sets: Records, corners: Records, errors: Records) -
         described=sets.stat("share described"),
         deviation_ratio=described.stat("rms ratio"),
         deviation_ratio_worst=worst,
-        deviation_ratio_others=others.stat("rms ratio"),
         corner_median_px=corners.stat("median error_px"),
         corner_p99_px=corners.stat("p99 error_px"),
         corners_found=sets.stat("sum found") / sets.stat("sum imaged"),
@@ -199,12 +198,17 @@ def add_metrics(out: Report, sets: Records, corners: Records, errors: Records) -
         opencv_failed=sets.stat("share opencv_failed"),
         opencv_px=sets.where(opencv_failed=False).stat("median opencv_px"),
     )
+    if len(others):
+        out.metrics(deviation_ratio_others=others.stat("rms ratio"))
 
 
 def add_findings(out: Report, sets: Records) -> None:
     """Plain sentences, most important first."""
     out.say("converged")
     out.say("deviations")
+    others = sets.where(described=False)
+    if len(others):
+        out.say("others", count=len(others))
     out.say("opencv", failures=int(sets.stat("sum opencv_failed")))
     failed = sets.where(converged=False)
     if len(failed):
@@ -216,7 +220,9 @@ def add_tables(out: Report, sets: Records, corners: Records, errors: Records) ->
     ratio = {"rms_ratio": "rms ratio", "median_abs": "median_abs error"}
     of_lenses = {"lenses": "count error", **ratio}
     out.table("parameters", errors.where(described=True).summary("parameter", **of_lenses))
-    out.table("others", errors.where(described=False).summary("parameter", **of_lenses))
+    others = errors.where(described=False)
+    if len(others):
+        out.table("others", others.summary("parameter", **of_lenses))
     bands = np.floor(sets["field_deg"].astype(float) / 20) * 20
     by = {"lenses": "count converged", "converged": "share converged"}
     by |= {"held_out_px": "median held_out_px", "further_px": "median further_px"}

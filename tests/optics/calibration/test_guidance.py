@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from designopt.fitting import add_information
 from optics.calibration import CalibratedLens
 from optics.calibration.bundle import Poses, Prior, Sightings, adjust, lens_of, parameters_of
 from optics.calibration.guidance import (
     GRID,
     _board_slopes,
     _information,
-    _updated,
     predict_deviations,
     suggest_pictures,
 )
@@ -120,7 +120,7 @@ def test_a_picture_adds_its_information(few):
     _, _, by_lens, by_pose = map(np.asarray, _board_slopes(*given))
     which = np.isfinite(every.deviations[5])
     expected = covariance(6)
-    found = _updated(covariance(5), _information(by_lens[0][which], by_pose[0][which]))
+    found = add_information(covariance(5), _information(by_lens[0][which], by_pose[0][which]))
     size = np.sqrt(np.diagonal(expected))
     np.testing.assert_allclose(
         found / size / size[:, None], expected / size / size[:, None], atol=0.02
