@@ -141,7 +141,7 @@ class FingerSensor:
         Args:
             sighting: what was found in a frame.
             angles: joint angles, rad, where they are known better than as the rough ones of the
-                sighting.
+                sighting; NaN for one that is not known at all.
         """
         found = {(view.pad, view.path): view for view in sighting.complete()}
         if self.scene.layers is None and self.scene.camera.pupil_shift is None:
@@ -150,8 +150,7 @@ class FingerSensor:
                 name: find_places_in_air(view, self.lens, *sizes[name])
                 for name, view in found.items()
             }
-        rough = np.where(np.isfinite(sighting.angles), sighting.angles, 0.0)
-        given = rough if angles is None else angles
+        given = np.nan_to_num(sighting.angles if angles is None else angles)
         corners = self._designed_corners(jnp.asarray(given))
         views = [found.get(name) for name in self.model.views]
         places = self._place_finder.find(views, np.asarray(corners), given)

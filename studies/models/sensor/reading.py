@@ -121,12 +121,13 @@ class Reader:
     def read_pads(self, image: Image, reading: Reading) -> dict[str, PadReading]:
         """The pads that the frame of a reading shows whole, by name."""
         near = np.where(np.isnan(reading.angles), reading.sighting.angles, reading.angles)
+        places = self.finger.find_places(reading.sighting, near)
         pads = {}
         for pad in self.pads:
             view = self.finger.best_view(reading.sighting, pad)
             if view is None:
                 continue
-            picture = self.finger.unwarp(image, view)
+            picture = self.finger.unwarp(image, view, places[view.pad, view.path])
             reference = self._reference(view, near)
             difference = None if reference is None else compare_with_reference(picture, reference)
             pads[pad] = PadReading(view, picture, difference)
@@ -147,7 +148,10 @@ class Reader:
         """By pad and path, the sensor's frames that show the view whole, and the pad in each."""
         found: dict[tuple[str, str], list[tuple[int, np.ndarray]]] = {}
         for number, frame in enumerate(self.sensor.frames):
-            for view in self.finger.detect(frame).complete():
-                picture = self.finger.unwarp(frame, view)
-                found.setdefault((view.pad, view.path), []).append((number, picture))
+            sighting = self.finger.detect(frame)
+            places = self.finger.find_places(sighting, self.sensor.angles[number])
+            for view in sighting.complete():
+                name = view.pad, view.path
+                picture = self.finger.unwarp(frame, view, places[name])
+                found.setdefault(name, []).append((number, picture))
         return found
