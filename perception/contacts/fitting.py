@@ -7,11 +7,12 @@ membrane that leans by the unit normal n gets (1 + n_z) / 2. How much of the lig
 from which lamp are linear unknowns, beside a background that varies linearly; they are eliminated
 (G. Golub, V. Pereyra, Inverse Problems 19 (2003) R1), and the rest is found by damped Gauss-Newton
 steps with Cauchy's weights. Behind a bulge lies its shadow: of each color the side away from its
-lamp does not count.
+lamp does not count, nor what is behind other contacts.
 
 What a model lacks is alike at neighboring places, and so is the noise of a compressed picture: the
 covariance is the one that is right when residuals of a sector depend on each other in whatever way
-(K. Liang, S. Zeger, Biometrika 73 (1986) 13).
+(K. Liang, S. Zeger, Biometrika 73 (1986) 13). In the light of lamps the depth is off by more than
+that: `DEPTH_BY_LAMPS` is added to it, and to what follows it; `EDGE_BY_LAMPS` to the edge.
 """
 
 from __future__ import annotations
@@ -55,9 +56,15 @@ Commun. Stat. A 6 (1977) 813)."""
 DEPTH, DEPTHS = 0.6, 0.6
 """Median of depths that are expected, mm, and the deviation of their logarithm."""
 
-SHARES, EVEN = 1.0, 0.3
+SHARES, EVEN = 0.5, 0.3
 """Deviations of what is expected of light: all of a color's comes from its lamp, or, where there
 are no lamps, from all sides alike."""
+
+DEPTH_BY_LAMPS, EDGE_BY_LAMPS = 0.7, 0.08
+"""What the model of the light of lamps gives a contact: deviation of the logarithm of its depth,
+and of the place of its edge on each side, mm. How light falls behind layers and beside other
+contacts is not in the model. As found in a path tracer's pictures (`physical-check-contacts`, seed
+20270)."""
 
 FREE = 1e-3
 """Of the background nothing is known: this keeps it finite."""
@@ -132,7 +139,7 @@ def fit(
     samples = _sample(change, circle, others)
     if len(samples.along) < FEWEST:
         return None
-    problem = _Problem(change, samples, lamps, circle)
+    problem = _Problem(change, samples, lamps, circle, others)
     damping = 1e-2
     model = problem.model(point)
     weights = model.lit / samples.deviation**2
@@ -294,7 +301,9 @@ class _Solved(NamedTuple):
 class _Problem:
     """Least squares of one contact's parameters."""
 
-    def __init__(self, change: Change, samples: _Samples, lamps: Lamps, circle: Circle) -> None:
+    def __init__(
+        self, change: Change, samples: _Samples, lamps: Lamps, circle: Circle, others: Circles
+    ) -> None:
         self._change, self._samples = change, samples
         away = samples.along - circle[0], samples.across - circle[1]
         self._background = np.stack([np.ones_like(away[0]), *away], axis=-1)
@@ -311,6 +320,12 @@ class _Problem:
                 self._mean[color, present.index(lamp)] = 1
         if not present:
             self._mean[:, 0] = 1
+        self._free = np.ones_like(samples.part)
+        for along, across, radius in others:
+            away = np.stack([samples.along - along, samples.across - across], axis=-1)
+            behind = away @ self._toward.T < 0
+            beside = np.abs(away @ (self._toward @ [[0, 1], [-1, 0]]).T) < radius + APART
+            self._free[behind & beside] = 0
         sure = (SHARES if present else EVEN) ** -2
         self._ridge = np.array([sure] * (len(present) + 1) + [FREE] * 3)
 
@@ -321,7 +336,7 @@ class _Problem:
         even = (bulge.upright - 1) / 2
         lights = [one.light(*bulge.lean, bulge.upright, bulge.height) - 1 for one in self._pieces]
         relit = np.ones((len(self._mean), *even.shape))
-        lit = np.ones_like(samples.part)
+        lit = self._free
         if self._pieces:
             at = (place + slope * bulge.height
                   for place, slope in zip(samples[:2], samples.slopes.T, strict=True))  # fmt: skip
@@ -330,7 +345,7 @@ class _Problem:
         along, across = bulge.along[0], bulge.across[0]
         if self._pieces:
             away = np.hypot(along, across)[:, None] + 1e-6
-            lit = np.clip(np.stack([along, across], -1) @ self._toward.T / away, 0, 1)
+            lit = lit * np.clip(np.stack([along, across], -1) @ self._toward.T / away, 0, 1)
         turn = np.arctan2(across, along) / (2 * np.pi) * SECTORS
         terms = np.stack([*lights, even], axis=-1) * relit[..., None]
         return _Model(terms, relit - 1, lit, turn.astype(int) % SECTORS)
@@ -357,9 +372,17 @@ class _Problem:
         np.add.at(sectors, model.sector, solved.scores)
         spread = SECTORS / (SECTORS - 5) * sectors.T @ sectors
         inverse = np.linalg.inv(solved.normal)
+        covariance = inverse @ (spread + solved.prior) @ inverse
+        if self._pieces:
+            # How the rest of the parameters follows the depth.
+            follows = covariance[:, 3] / covariance[3, 3]
+            covariance = covariance + DEPTH_BY_LAMPS**2 * np.outer(follows, follows)
+            # Edges on two sides that are off apart move the middle and the radius alike.
+            edge = EDGE_BY_LAMPS**2 / 2 * np.array([1, 1, math.exp(-2 * point[2]), 0, 0])
+            covariance += np.diag(edge)
         return Fit(
             point,
-            inverse @ (spread + solved.prior) @ inverse,
+            covariance,
             (total - rest) / (total - noise),
             math.sqrt(max(total - rest, 0)) / self.scale(model, solved),
             float(np.sum(solved.factors * self._mean) / np.sum(self._mean)),
