@@ -30,8 +30,8 @@ PIXEL = 12**-0.5
 """Deviation of a place that may be anywhere within a pixel: two pictures lie on each other so well,
 and where their light changes quickly, so does their difference."""
 
-FLATTEST = 2.0
-"""Length of a pixel on the pad over its width, 60° from above: in views that are flatter, flanks of
+FLATTEST = 1.6
+"""Length of a pixel on the pad over its width, 51° from above: in views that are flatter, flanks of
 bulges hide what is behind them, and light by way of layers depends on the joints' angles."""
 
 APART = 1.5
