@@ -142,6 +142,8 @@ def fit(
     problem = _Problem(change, samples, lamps, circle, others)
     damping = 1e-2
     model = problem.model(point)
+    if np.count_nonzero(model.lit) < FEWEST:  # it lies in the shadows of others
+        return None
     weights = model.lit / samples.deviation**2
     solved = problem.solve(model, point, weights)
     for _ in range(steps):
@@ -383,7 +385,7 @@ class _Problem:
         return Fit(
             point,
             covariance,
-            (total - rest) / (total - noise),
+            (total - rest) / max(total - noise, TINY),
             math.sqrt(max(total - rest, 0)) / self.scale(model, solved),
             float(np.sum(solved.factors * self._mean) / np.sum(self._mean)),
         )

@@ -12,6 +12,7 @@ import pytest
 from designopt import UserError
 from perception.contacts import find_contacts
 from perception.contacts.change import Change
+from perception.contacts.fitting import fit, start_at
 from perception.places import find_sight
 from perception.unwarping import PER_MM
 from tests.perception.contacts.shaded import (
@@ -77,6 +78,17 @@ def test_what_is_lifted_is_found_where_it_is_not_where_it_appears(lit):
     # It appears farther off than that.
     [ignored] = found_in([bump._replace(along=12.0 - 0.7 * 0.8, across=1.0 + 0.3 * 0.8)], lit=lit)
     assert math.dist(ignored.center, bump[:2]) > 0.4
+
+
+def test_what_lies_in_the_shadow_of_another_contact_is_not_fitted():
+    generator = np.random.default_rng(3)
+    pressed, flat = (
+        picture_of(light_of(own, True), generator) for own in ([Bump(12.0, -5.0, 3.0, 0.6)], [])
+    )
+    change, start = Change.of(pressed, flat, sight(), None), start_at(np.array([12.0, -5.0, 1.5]))
+    lit = [lamps()[0], None, None]
+    assert fit(change, start, np.zeros((0, 3)), lit) is not None
+    assert fit(change, start, np.array([[12.0, 9.0, 6.0]]), lit) is None
 
 
 def test_what_is_pressed_off_the_pad_is_not_claimed():
