@@ -19,7 +19,11 @@ from .scene.reading import parse_scene, read_scene
 from .scene.scene import Layout, Scene
 from .scene.thin_lens import LensImage, LensResult, ThinLens
 from .scene.writer import format_scene, write_scene
-from .visibility.corners_in_space import find_corners_in_space, find_sides_in_space
+from .visibility.corners_in_space import (
+    find_corners_in_space,
+    find_places_in_space,
+    find_sides_in_space,
+)
 from .visibility.coverage import find_coverage, find_views
 from .visibility.edge_refined import trace_views
 from .visibility.focus import Focus, find_blur, find_focus
@@ -74,6 +78,7 @@ __all__ = [
     "find_focus",
     "find_outline_edges",
     "find_outlines",
+    "find_places_in_space",
     "find_second_images",
     "find_second_outlines",
     "find_sides_in_space",

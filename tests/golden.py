@@ -50,7 +50,10 @@ FOLDER = DATA / "golden"
 
 REDUCED: dict[str, list[str]] = load_toml("quick_runs.toml")
 """Settings of short runs."""
-for judged in ("physical-check", "physical-check-lenses", "image-check", "finger-verdicts"):
+for judged in (
+    "physical-check", "physical-check-lenses", "physical-check-contacts", "image-check",
+    "finger-verdicts",
+):  # fmt: skip
     del REDUCED[judged]  # needs the extra 'judge', and its numbers are float32's rounding
 
 WHOLE_TABLES = {

@@ -165,13 +165,9 @@ class SpatialPad(eqx.Module):
         normal = jnp.asarray(sides)[:, None] * left
         return cls(start, _in_space(along), across, normal, size, covered)
 
-    def place(self, goal: OutlinePoint) -> Point:
-        """A place on the membrane's own outline."""
-        corners = jnp.asarray(CORNERS, self.size.dtype)
-        first, last = corners[goal.side], corners[(goal.side + 1) % 4]
-        end, side = first + goal.share * (last - first)
-        beside = side / 2 * self.size[1] * self.across
-        return self.start + end * self.size[0] * self.along + beside
+    def place(self, along: Array, across: Array, height: Array | float = 0.0) -> Point:
+        """A place on the membrane, from its first end and its middle, or above it, mm."""
+        return self.start + along * self.along + across * self.across + height * self.normal
 
     def foot(self, source: Point) -> Float[Array, "2"]:
         """The place below a source: along the pad from its first end, across from its middle."""
@@ -235,6 +231,13 @@ class OutlinePoint(eqx.Module):
     share: Float[Array, "*points"]
     across: Float[Array, "*points"]
 
+    def place(self, pad: SpatialPad) -> Point:
+        """Of a pad without layers: on the membrane's own outline."""
+        corners = jnp.asarray(CORNERS, pad.size.dtype)
+        first, last = corners[self.side], corners[(self.side + 1) % 4]
+        end, side = first + self.share * (last - first)
+        return pad.place(end * pad.size[0], side / 2 * pad.size[1])
+
     def meets(self, pad: SpatialPad, source: Point) -> tuple[Box, Array, Array, Array]:
         """Behind layers: what rays must pass, how far each of the two lines is at every level.
 
@@ -283,6 +286,53 @@ class OutlinePoint(eqx.Module):
         return source + box.stack.height * (aside - pad.normal), off, reach[-1] * way
 
 
+class MembranePoint(eqx.Module):
+    """A place on the membrane, or lifted from it towards the sensing side.
+
+    Attributes:
+        at: along the membrane from its first end, across from its middle, and its height, mm.
+    """
+
+    at: Float[Array, "*points 3"]
+
+    def place(self, pad: SpatialPad) -> Point:
+        """Where it is."""
+        along, across, height = self.at
+        return pad.place(along, across, height)
+
+    def over(self, pad: SpatialPad, source: Point) -> tuple[Stack, Float[Array, "2"]]:
+        """Behind layers: what is over it, and how far it is from below a source."""
+        assert pad.layers is not None
+        above = (source - pad.start) @ pad.normal - jnp.sum(pad.layers.thickness)
+        height = jnp.maximum(jnp.abs(above), TOUCHING)
+        # The membrane takes the room of the layer that it lies on.
+        thickness = pad.layers.thickness.at[-1].add(-self.at[2])
+        return Stack(height, thickness, pad.layers.index), self.at[:2] - pad.foot(source)
+
+    def guess(self, pad: SpatialPad, source: Point) -> tuple[Float[Array, ""], Int[Array, "2"]]:
+        """Logarithm of the ray's slope in air; the levels of its line are none."""
+        stack, away = self.over(pad, source)
+        reach = safe_sqrt(jnp.sum(away**2) + TOUCHING**2)
+        return jnp.log(stack.slope_to(reach)), jnp.zeros(2, int)
+
+    def entry(
+        self, pad: SpatialPad, source: Point, log: Float[Array, ""], levels: Int[Array, "2"]
+    ) -> tuple[Point, Float[Array, ""], Float[Array, "2"]]:
+        """Where a ray of a slope enters a pad, and by which part of its way it misses the place.
+
+        And where the place is, along the pad and across, from below the source.
+        """
+        stack, away = self.over(pad, source)
+        slope, reach = jnp.exp(log), safe_sqrt(jnp.sum(away**2) + TOUCHING**2)
+        aside = slope / reach * (away[0] * pad.along + away[1] * pad.across)
+        off = 1 - stack.along(slope) / reach
+        return source + stack.height * (aside - pad.normal), off, away
+
+
+Goal = OutlinePoint | MembranePoint
+"""What the camera may be asked where it sees it."""
+
+
 class _View(eqx.Module):
     """A pad seen over mirrors, of which those that are not ``there`` fill the path up.
 
@@ -318,7 +368,7 @@ class _View(eqx.Module):
             found.append(jnp.where(there, image, found[-1]))
         return found
 
-    def guess(self, goal: OutlinePoint) -> tuple[Float[Array, " unknowns"], Int[Array, "2"]]:
+    def guess(self, goal: Goal) -> tuple[Float[Array, " unknowns"], Int[Array, "2"]]:
         """The unknowns if mirrors were flat and the pupil stayed, and the levels that bound."""
         [*others, layered] = self.parts
         zeros = jnp.zeros(sum(others))
@@ -329,7 +379,7 @@ class _View(eqx.Module):
         return jnp.append(zeros, slope), levels
 
     def follow(
-        self, unknowns: Float[Array, " unknowns"], goal: OutlinePoint, levels: Int[Array, "2"]
+        self, unknowns: Float[Array, " unknowns"], goal: Goal, levels: Int[Array, "2"]
     ) -> tuple[Point, Float[Array, " unknowns"]]:
         """The direction of the ray that unknowns give, and by how much it gives others."""
         angle, places, slope = jnp.split(unknowns, np.cumsum(self.parts)[:2].tolist())
@@ -337,7 +387,7 @@ class _View(eqx.Module):
         start = self.camera.start(jnp.sum(angle))
         sources = self.sources(start, planes)
         if self.pad.layers is None:
-            target, own = self.pad.place(goal), slope
+            target, own = goal.place(self.pad), slope
         else:
             target, off, _ = goal.entry(self.pad, sources[-1], jnp.sum(slope), levels)
             own = off[None]
@@ -354,8 +404,8 @@ class _View(eqx.Module):
         met = jnp.stack(met)[: len(places)] if met else places
         return ray, jnp.concatenate([angles - angle, met - places, own])
 
-    def ray_to(self, goal: OutlinePoint) -> Point:
-        """The direction in which the camera sees a place of the outline, of any length."""
+    def ray_to(self, goal: Goal) -> Point:
+        """The direction in which the camera sees a place, of any length."""
         still = jax.lax.stop_gradient(self)
         root, levels = still.guess(goal)
         if not len(root):
@@ -525,6 +575,51 @@ def find_sides_in_space(
         )
 
     return jax.vmap(view)(seen)
+
+
+def find_places_in_space(
+    scene: Scene,
+    angles: Float[Array, " joints"],
+    errors: Fabrication,
+    imaging: Imaging,
+    width: Float[Array, ""] | float,
+    views: Sequence[tuple[tuple[int, ...], int]],
+    places: Float[Array, "views places 3"],
+) -> Float[Array, "views places 2"]:
+    """Where places of membranes are imaged, flat or lifted: column and row; differentiable.
+
+    Wherever other surfaces hide them or not, in green light. Behind layers it is the light that
+    comes in by the outermost surface and meets no wall.
+
+    Args:
+        scene: as in `find_corners_in_space`.
+        angles: likewise.
+        errors: likewise.
+        imaging: likewise.
+        width: likewise.
+        views: likewise.
+        places: of the pad of each view: along the membrane from its first end, across from its
+            middle towards greater columns, and above it towards its sensing side, there less than
+            the innermost layer is thick, mm.
+
+    Raises:
+        ValueError: a mirror is curved or has layers.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from optics import Imaging, read_scene
+        >>> scene = read_scene(files("studies") / "gallery/scenes/periscope.toml")
+        >>> given = Fabrication.none(scene.layout), Imaging.of(scene.camera), 20.0, [((0, 1), 0)]
+        >>> find_places_in_space(scene, jnp.zeros(0), *given, jnp.zeros((1, 4, 3))).shape
+        (1, 4, 2)
+    """
+    seen = _views_of(scene, angles, errors, width, views, GREEN)
+
+    def view(view: _View, places: Float[Array, "places 3"]) -> Float[Array, "places 2"]:
+        rays = jax.vmap(lambda at: view.ray_to(MembranePoint(at)))(places)
+        return jax.vmap(lambda ray: view.camera.image(imaging, ray))(rays)
+
+    return jax.vmap(view)(seen, places)
 
 
 def _in_space(arrow: Vector) -> Float[Array, "*batch 3"]:

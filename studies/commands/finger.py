@@ -32,6 +32,7 @@ from perception.proprioception import (
 from perception.sources import Frame, LostFrame, open_source
 from studies.models.sensor.finger_sensor import FingerSensor
 from studies.models.sensor.imaged import read_imaged, width_of
+from studies.models.sensor.light import LightTable
 from studies.models.sensor.made import with_new_pads
 from studies.models.sensor.sensor_folder import (
     Sensor,
@@ -75,6 +76,7 @@ class Known(NamedTuple):
             known.
         gamma: of the camera's response; ``None`` if that is not known.
         before: its errors; ``None`` if nothing but their tolerances is known.
+        light: how its pads are lit; ``None`` if nobody has stated it.
     """
 
     scene: Scene
@@ -84,6 +86,7 @@ class Known(NamedTuple):
     tops: Float[np.ndarray, " joints"] | None
     gamma: float | None = None
     before: FingerErrors | None = None
+    light: LightTable | None = None
 
 
 def read_design(lens_file: Path, finger_file: Path, width: float | None) -> Known:
@@ -115,7 +118,8 @@ def read_with_new_pads(folder: Path) -> Known:
         before = with_new_pads(old.errors, old.finger.deviations)
         # So far the joints are known to go.
         tops = np.max(old.angles, axis=0)
-        return Known(old.scene, old.lens, old.finger.width, old.tolerances, tops, old.gamma, before)
+        width, gamma = old.finger.width, old.gamma
+        return Known(old.scene, old.lens, width, old.tolerances, tops, gamma, before, old.light)
 
 
 def calibrate_finger_from(
@@ -164,7 +168,7 @@ def calibrate_finger_from(
         sensor = Sensor(
             printable(out.stem), finger.with_response(response), known.scene, known.lens,
             known.tolerances, response, found.value.errors, float(found.value.scatter),
-            np.asarray(found.value.angles), labelled.images,
+            np.asarray(found.value.angles), labelled.images, known.light,
         )  # fmt: skip
         advice = _advice(finger, sensor.errors, known.tops, label)
         with result_folder(out, force=force) as folder:

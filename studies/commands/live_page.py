@@ -19,7 +19,7 @@ import jax
 import numpy as np
 
 from designopt.errors import UserError
-from studies.commands.overlay import difference_picture, draw_overlay
+from studies.commands.overlay import difference_picture, draw_overlay, draw_pad
 from studies.commands.records import Seen, document_of
 from studies.models.sensor.reading import Reader
 
@@ -106,7 +106,7 @@ class LivePage:
         shown = seen.pads.get(self._reader.pads[number])
         if shown is None:
             return None
-        parts = [shown.picture]
+        parts = [draw_pad(shown)]
         if shown.difference is not None:
             parts.append(difference_picture(shown.difference))
         return _jpeg(np.hstack(parts))

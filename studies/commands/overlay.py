@@ -11,8 +11,10 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from perception import Quality
+from perception.contacts import Contact
+from perception.unwarping import PER_MM
 from studies.commands.records import Seen
-from studies.models.sensor.reading import Image
+from studies.models.sensor.reading import Image, PadReading
 
 COLORS = ((86, 180, 233), (230, 159, 0), (0, 158, 115), (204, 121, 167), (240, 228, 66))
 """Of the pads, one after the other: red, green and blue. They are Okabe and Ito's, which differ for
@@ -31,7 +33,7 @@ BLUE, ORANGE = np.array([0, 114, 178.0]), np.array([230, 159, 0.0])
 
 
 def draw_overlay(seen: Seen, joints: Sequence[str], pads: Sequence[str]) -> Image:
-    """A frame with the outlines of its views, the joint angles and why there are none.
+    """A frame with the outlines of its views and contacts, the joint angles and why there are none.
 
     Complete views have a broad outline, others a thin one and their quality's name.
 
@@ -49,20 +51,38 @@ def draw_overlay(seen: Seen, joints: Sequence[str], pads: Sequence[str]) -> Imag
             continue
         color = COLORS[pads.index(view.pad) % len(COLORS)]
         complete = view.quality is Quality.COMPLETE
-        # Pixels' middles are whole numbers; OpenCV draws at parts of a pixel by shifted integers.
-        outline = np.round(16 * view.corners).astype(np.int32)
-        for line, ink in ((broad + 2, PAPER), (broad if complete else 1, color)):
-            cv2.polylines(picture, [outline], True, ink, line, cv2.LINE_AA, 4)
+        _draw_outline(picture, view.corners, color, broad if complete else 1, broad + 2)
         label = view.pad if view.path == "direct" else f"{view.pad}, {view.path}"
         if not complete:
             label += f" ({view.quality.name.lower().replace('_', ' ')})"
         left, top = view.corners.min(axis=0)
         pen.write(label, (left + size / 3, top + 1.2 * size), color, round(0.8 * size))
+    for shown in seen.pads.values():
+        for outline in shown.outlines:
+            _draw_outline(picture, outline, INK, max(1, broad - 1))
     wide = round(picture.shape[1] / (BREADTH * size))
     lines = [part for line in lines_of(seen, joints) for part in textwrap.wrap(line, wide)]
     for number, line in enumerate(lines):
         pen.write(line, (size / 2, (1.5 + 1.4 * number) * size), INK, size)
     return picture
+
+
+def draw_pad(shown: PadReading) -> UInt8[np.ndarray, "along across 3"]:
+    """A pad with the outlines of its contacts."""
+    picture = shown.picture.copy()
+    middle = picture.shape[1] / 2 / PER_MM
+    for one in shown.contacts or []:
+        along, across = np.add(one.outline, [0, middle]).T * PER_MM - 0.5
+        _draw_outline(picture, np.stack([across, along], axis=-1), INK, 1)
+    return picture
+
+
+def contact_text(pad: str, contact: Contact) -> str:
+    """A contact's place and size with their standard deviations, in a line."""
+    both = zip(contact.measured.tolist(), contact.deviations.tolist(), strict=True)
+    along, across, diameter = (f"{value:.2f} ± {deviation:.2f} mm" for value, deviation in both)
+    by = ", ".join(contact.paths)
+    return f"contact on {pad}: {along} along, {across} across, diameter {diameter} (by {by})"
 
 
 def lines_of(seen: Seen, joints: Sequence[str]) -> list[str]:
@@ -88,6 +108,20 @@ def difference_picture(
     part = np.clip(difference.mean(axis=2) / FULL, -1, 1)[..., None]
     full = np.where(part < 0, BLUE, ORANGE)
     return np.round(255 + np.abs(part) * (full - 255)).astype(np.uint8)
+
+
+def _draw_outline(
+    picture: Image,
+    corners: Float[np.ndarray, "corners 2"],
+    color: tuple[int, int, int],
+    line: int,
+    ground: int | None = None,
+) -> None:
+    """Draw a closed line on a broader dark one."""
+    # Pixels' middles are whole numbers; OpenCV draws at parts of a pixel by shifted integers.
+    outline = np.round(16 * corners).astype(np.int32)
+    for width, ink in ((ground or line + 2, PAPER), (line, color)):
+        cv2.polylines(picture, [outline], True, ink, width, cv2.LINE_AA, 4)
 
 
 class _Pen:

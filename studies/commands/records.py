@@ -14,8 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from designopt.io.csv_text import csv_text
+from perception.contacts import Contact
 from perception.sources import Frame, Light, LostFrame, Notice
 from studies.models.sensor.reading import PadReading, Reading
+
+MEASURED = "along", "across", "diameter"
+"""Of a contact."""
 
 CSV, JSONL = "readings.csv", "readings.jsonl"
 
@@ -58,7 +62,9 @@ class Records:
             columns += [f"{joint}_deg", f"{joint}_deviation_deg", f"{joint}_verdict"]
         columns += ["misfit", "views", "light_moved"]
         for pad in pads:
-            columns += [f"{pad}_view", f"{pad}_change"]
+            columns += [f"{pad}_view", f"{pad}_change", f"{pad}_contacts"]
+            for name in MEASURED:  # of the strongest
+                columns += [f"{pad}_{name}_mm", f"{pad}_{name}_deviation_mm"]
         self._row(columns)
 
     def close(self) -> None:
@@ -81,8 +87,7 @@ class Records:
         complete = len(reading.sighting.complete())
         row += [digits(float(reading.misfit.rms), 3), complete, int(seen.light_moved)]
         for pad in self.pads:
-            shown = seen.pads.get(pad)
-            row += ["", None] if shown is None else [shown.view.path, digits(shown.change, 5)]
+            row += _pad_cells(seen.pads.get(pad))
         self._row(row)
         return self._line(document_of(seen, self.joints))
 
@@ -141,7 +146,13 @@ def document_of(seen: Seen, joints: Sequence[str]) -> dict[str, Any]:
             for view in reading.sighting.views
         ],
         "pads": {
-            pad: {"path": shown.view.path, "change": digits(shown.change, 5)}
+            pad: {
+                "path": shown.view.path,
+                "change": digits(shown.change, 5),
+                "contacts": None
+                if shown.contacts is None
+                else [_contact_document(one) for one in shown.contacts],
+            }
             for pad, shown in seen.pads.items()
         },
     }
@@ -149,6 +160,31 @@ def document_of(seen: Seen, joints: Sequence[str]) -> dict[str, Any]:
         gains = [digits(gain, 4) for gain in seen.light.gains.tolist()]
         document["light"] = {"moved": seen.light_moved, "gains": gains}
     return document
+
+
+def _pad_cells(shown: PadReading | None) -> list[object]:
+    """A pad's cells of a row; those of its strongest contact are empty where there is none."""
+    cells: list[object] = ["", None, None]
+    contacts = None
+    if shown is not None:
+        contacts = shown.contacts
+        count = None if contacts is None else len(contacts)
+        cells = [shown.view.path, digits(shown.change, 5), count]
+    if not contacts:
+        return cells + [None] * (2 * len(MEASURED))
+    both = np.stack([contacts[0].measured, contacts[0].deviations], axis=-1)
+    return cells + [digits(one, 4) for one in both.ravel().tolist()]
+
+
+def _contact_document(contact: Contact) -> dict[str, Any]:
+    document: dict[str, Any] = {"paths": list(contact.paths)}
+    for name, value, deviation in zip(
+        MEASURED, contact.measured.tolist(), contact.deviations.tolist(), strict=True
+    ):
+        document[f"{name}_mm"] = digits(value, 4)
+        document[f"{name}_deviation_mm"] = digits(deviation, 4)
+    strength = digits(contact.strength, 2)
+    return document | {"depth_mm": digits(contact.depth, 2), "strength": strength}
 
 
 def digits(number: float | None, count: int) -> float | None:

@@ -50,8 +50,9 @@ def see(
         typer.Option(
             "--pads",
             help="Write every pad as seen from straight above, 10 px per mm, and its change since "
-            "the calibration (128 is none, 255 is +50 %) to pads/, and the greatest change to the "
-            "readings.",
+            "the calibration (128 is none, 255 is +50 %) to pads/, and the greatest change and "
+            "what is pressed in (center, diameter, deviations) to the readings. Contacts ask for "
+            "[light] in the sensor's sensor.toml.",
         ),
     ] = False,
     frames: Annotated[

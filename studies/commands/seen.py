@@ -42,7 +42,7 @@ from perception.sources.pictures import PictureFiles
 from studies.commands.arriving import Arrival, arriving
 from studies.commands.detectors import detectors
 from studies.commands.live_page import LivePage, live_page
-from studies.commands.overlay import lines_of
+from studies.commands.overlay import contact_text, lines_of
 from studies.commands.records import Records, Seen
 from studies.commands.writing import OverlayPictures, OverlayVideo, PadPictures, Writer
 from studies.models.sensor.reading import Reader
@@ -53,6 +53,8 @@ LATEST = 10_000
 
 ENOUGH = 5
 """Where the first so many pictures have another size than the sensor's, all have."""
+
+NO_LIGHT = "contacts are not looked for: sensor.toml has no [light]"
 
 MOST_PENDING = 4
 """Pictures that wait to be written."""
@@ -372,4 +374,7 @@ def reading_text(seen: Seen, joints: Sequence[str]) -> Iterator[str]:
         change = "no frame of the sensor shows it by that path"
         if shown.difference is not None:
             change = f"greatest change {100 * shown.change:.1f} %"
+            if shown.contacts is None:
+                change += f"; {NO_LIGHT}"
         yield f"pad {pad}, {shown.view.path}: {change}"
+        yield from (contact_text(pad, one) for one in shown.contacts or [])

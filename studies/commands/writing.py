@@ -10,7 +10,7 @@ from typing import Protocol
 import cv2
 import numpy as np
 
-from studies.commands.overlay import draw_overlay
+from studies.commands.overlay import draw_overlay, draw_pad
 from studies.commands.records import Seen
 from studies.models.sensor.reading import Image
 
@@ -49,6 +49,8 @@ def write_picture(path: Path, picture: np.ndarray) -> None:
 class PadPictures:
     """Every pad unwarped, as ``pads/<frame>-<pad>.png``, and its difference, ``...-change.png``.
 
+    A pad with contacts has a third picture, ``...-contacts.png``, in which they are marked.
+
     Args:
         folder: of the result.
         pads: their names.
@@ -71,6 +73,8 @@ class PadPictures:
             if shown.difference is not None:
                 codes = np.clip(CENTER + CODES * shown.difference, 0, 255).round().astype(np.uint8)
                 write_picture(self._folder / f"{name}-change.png", codes)
+            if shown.contacts:
+                write_picture(self._folder / f"{name}-contacts.png", draw_pad(shown))
 
     def close(self) -> None:
         """Nothing is left to write."""

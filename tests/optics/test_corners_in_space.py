@@ -24,6 +24,7 @@ from optics.scene.writer import scene_tables
 from optics.visibility.corners_in_space import (
     SIDES,
     find_corners_in_space,
+    find_places_in_space,
     find_sides_in_space,
 )
 from optics.visibility.outlines import CORNERS
@@ -210,6 +211,34 @@ def test_rays_through_imaged_corners_meet_the_corners(kind, slides):
                 np.testing.assert_allclose(room.min(axis=0), 0, atol=EXACT)
                 compared += 1
         assert compared > 60
+
+
+@pytest.mark.parametrize("kind", ["air", "black"])
+def test_rays_through_imaged_places_meet_the_places(kind):
+    scene, errors = made(kind)
+    flat = np.array([[4.0, -6.0, 0.0], [12.0, 0.5, 0.0], [19.0, 7.0, 0.0]])
+    heights = np.array([0.0, 0.2, 0.4])
+    lifted = np.concatenate([flat + np.array([0, 0, height]) for height in heights])
+    given = jnp.broadcast_to(jnp.asarray(lifted), (len(VIEWS), *lifted.shape))
+    compared = 0
+    for pose in POSES[:3]:
+        found = np.asarray(
+            find_places_in_space(
+                scene, jnp.asarray(pose), errors, Imaging.of(scene.camera), WIDTH, VIEWS, given
+            )
+        ).reshape(len(VIEWS), len(heights), len(flat), 2)
+        for view, place in np.ndindex(len(VIEWS), len(flat)):
+            rays = [followed(scene, errors, pose, VIEWS[view], one, GREEN)
+                    for one in found[view, :, place]]  # fmt: skip
+            if None in rays:
+                continue
+            on, first, second = (one[0][-1] for one in rays if one is not None)
+            np.testing.assert_allclose(on, flat[place, :2], atol=EXACT)
+            # Rays to lifted places go on straight to the membrane.
+            apart = np.linalg.norm(second - on)
+            np.testing.assert_allclose(first, (on + second) / 2, atol=1e-3 + 0.05 * apart**2)
+            compared += 1
+    assert compared > 15
 
 
 @pytest.mark.parametrize("kind", list(KINDS))

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from perception.places import find_places_in_air
 from perception.quality import Quality
 from perception.unwarping import (
     PER_MM,
@@ -97,3 +98,17 @@ def test_the_best_view_is_the_largest_or_the_one_of_the_greatest_least_scale(by,
     assert select_view([*poor, FAR_AND_STRAIGHT], LENS, 23.4, 24.0, by=by) is FAR_AND_STRAIGHT
     for nothing in (poor, []):
         assert select_view(nothing, LENS, 23.4, 24.0, by=by) is None
+
+
+def test_places_that_are_handed_in_replace_those_of_the_corners():
+    pad = PADS["before"]
+    view, size = exact_view(EYE, pad), (pad.length, pad.width)
+    light = drawn(EYE, [pad], [lambda p: 40 + 8 * p[:, 0]])
+    in_air = find_places_in_air(view, LENS, *size)
+    plain = unwarp(stored(light), view, LENS, *size).astype(int)
+    same = unwarp(stored(light), view, LENS, *size, in_air).astype(int)
+    assert np.abs(same - plain)[5:-5, 5:-5].max() <= 1
+    onward = np.array([1.0, 0, 0])
+    moved = unwarp(stored(light), view, LENS, *size, lambda p: in_air(p + onward)).astype(int)
+    off = (moved - plain)[5:-25, 5:-5]
+    assert np.median(off) == 8

@@ -13,7 +13,7 @@ import scipy.integrate
 import scipy.optimize
 
 from studies.oracles.judge.capture import Capture, expose
-from studies.oracles.judge.contacts import Contact, Contacts, bulge
+from studies.oracles.judge.contacts import RIM, Contact, Contacts, bulge, pin_bulge, pin_edge
 from studies.oracles.judge.fabrication import CHANNELS, fabricated, of_channel, sample_errors
 from studies.oracles.judge.frames import judge
 from studies.oracles.judge.light import air_irradiance, gather_light, light_membranes
@@ -517,3 +517,35 @@ def test_frames_of_leaning_parts_turn_the_normal_towards_greater_columns():
     frame = frame_of({}, {}, PAD | {"lean": 0.1})
     assert frame.normal == pytest.approx([0, math.cos(0.1), math.sin(0.1)])
     assert frame.across == pytest.approx([0, -math.sin(0.1), math.cos(0.1)])
+
+
+def test_a_pins_bulge_is_flat_round_and_steepest_at_its_edge():
+    flat, depth = 1.5, 0.8
+    edge, away = pin_edge(flat, depth), np.linspace(0, 6, 3001)
+    height = pin_bulge(away, flat, depth)
+    assert height[away <= flat] == pytest.approx(np.full((away <= flat).sum(), depth))
+    # On the rim it follows the rim's own circle.
+    assert pin_bulge(np.array([1.7]), flat, depth)[0] == pytest.approx(depth - 0.2**2 / (2 * RIM))
+    assert flat < edge < flat + RIM + depth
+    assert np.all(np.diff(height) < 1e-12)
+    assert np.abs(np.diff(height)).max() < 0.02
+    assert away[np.argmin(np.gradient(height))] == pytest.approx(edge, abs=0.01)
+    # By Sneddon's integral the load's own condition: what is not sunk at the edge is nothing.
+    sunk = edge * math.sqrt(edge**2 - flat**2) - edge * flat * math.acos(flat / edge)
+    assert sunk / RIM == pytest.approx(depth)
+
+
+def test_a_pin_without_a_flat_end_is_a_sphere():
+    away = np.linspace(0, 4, 50)
+    assert pin_edge(1e-6, 0.4) == pytest.approx(math.sqrt(RIM * 0.4), rel=1e-3)
+    assert pin_bulge(away, 1e-6, 0.4) == pytest.approx(bulge(away, RIM, 0.4), abs=2e-3)
+
+
+def test_lamps_of_more_heights_hide_in_finer_steps():
+    pads = {"pads": [PAD]}
+    contacts = (Contact("pad", "sphere", 20.0, 0.0, 1.4, size=5.0),)
+    few, many, most = (
+        light_membranes(pads, Capture(light="lamps", contacts=contacts, heights=count))[0][0].values
+        for count in (3, 12, 24)
+    )
+    assert np.abs(many - most).max() < 0.5 * np.abs(few - most).max()

@@ -17,20 +17,29 @@ import numpy as np
 import pytest
 
 from designopt import UserError
-from optics.rendering import Effects, Imprint
-from perception import Quality, View
+from optics.rendering import Effects, Imprint, make_height_map
+from optics.rendering.pads import ELEVATION, FAR
+from perception import Quality, View, map_to_image
+from perception.contacts import Lamp
 from perception.proprioception import FingerErrors
 from perception.sources import Frame, Source, open_source
+from perception.unwarping import least_scale
 from studies.commands.arriving import arriving
 from studies.commands.detectors import detectors
 from studies.commands.live_page import live_page
-from studies.commands.overlay import difference_picture, draw_overlay
+from studies.commands.overlay import difference_picture, draw_overlay, draw_pad
 from studies.commands.records import Records, Seen
 from studies.commands.see import see
 from studies.commands.seen import Asked, Session
 from studies.models.sensor.finger_sensor import FingerSensor
+from studies.models.sensor.light import LampTable, LightTable
 from studies.models.sensor.reading import Reader
-from studies.models.sensor.sensor_folder import Sensor, finger_sensor, write_sensor
+from studies.models.sensor.sensor_folder import (
+    Sensor,
+    finger_sensor,
+    read_sensor,
+    write_sensor,
+)
 from studies.models.sensor.spec import FingerImagesSpec, MadeSpec
 from tests.perception.sources import served
 from tests.perception.sources.clips import damaged
@@ -39,6 +48,9 @@ from tests.studies.test_calibrate_finger import lens_as_designed
 ROWS = 360
 CALIBRATED_DEG = np.array([[15, 15], [45, 25], [30, 60], [70, 70], [60, 45.0]])
 ANGLES_DEG = np.array([[20, 40], [52, 31], [44, 66.0]])
+HEIGHT = FAR * np.tan(ELEVATION)
+"""Of the rendered lights above their pads, mm."""
+
 KNOWN = 0.05
 """Standard deviation of the sensor's errors, in those of fabrication."""
 
@@ -195,10 +207,154 @@ def test_the_reference_is_the_nearest_frame_that_shows_the_view(reader, frames):
     own = [(one, reader.finger.detect(one).view(view.pad, view.path)) for one in sorted_frames]
     complete = [one for one in own if one[1] and one[1].quality is Quality.COMPLETE]
     found = reader._reference(view, reading.angles)
-    np.testing.assert_array_equal(found, reader.finger.unwarp(*complete[0]))
+    places = reader.finger.find_places(reader.finger.detect(complete[0][0]))
+    own = reader.finger.unwarp(*complete[0], places[view.pad, view.path])
+    np.testing.assert_array_equal(found, own)
     elsewhere = dataclasses.replace(view, path="mirror:nowhere")
     assert isinstance(elsewhere, View)
     assert reader._reference(elsewhere, reading.angles) is None
+
+
+# Contacts ----------------------------------------------------------------------------------------
+
+SOFT = LightTable(
+    **{
+        color: LampTable(beside=side, gap=FAR, low=HEIGHT - 1, high=HEIGHT + 1)
+        for color, side in (("red", "right"), ("green", "from"), ("blue", "left"))
+    }
+)
+"""Of rendered pads: their lights are far away."""
+
+BALL = Imprint.of_contact(9.0, 3.0, 5.0, 0.6)
+
+
+@pytest.fixture(scope="module")
+def lit(reader):
+    """The same sensor, of which it is known how its pads are lit."""
+    return Reader(dataclasses.replace(reader.sensor, light=SOFT))
+
+
+@pytest.fixture(scope="module")
+def touched(camera):
+    """A frame with a ball pressed into the pad that is named."""
+    _, renderer, _ = camera
+    pose = np.radians(ANGLES_DEG[0])
+    return "intermediate", renderer.render(pose, {"intermediate": [BALL]}, frame=60).pixels
+
+
+def steepest_diameter(ball):
+    """Of the circle along which the rendered membrane is steepest, mm."""
+    step = 0.05
+    places = np.arange(-5, 5, step)
+    grid = np.meshgrid(places, places, indexing="ij")
+    height = make_height_map(dataclasses.replace(ball, along=0.0, across=0.0), *grid, step)
+    slopes = np.abs(np.gradient(height[:, len(places) // 2], step))
+    return 2 * abs(float(places[slopes.argmax()]))
+
+
+def test_a_ball_is_found_where_it_is_pressed_in(lit, touched):
+    pad, image = touched
+    shown = lit.read_pads(image, lit.read(image))
+    (contact,) = shown[pad].contacts
+    assert np.hypot(*(contact.center - [BALL.along, BALL.across])) < 0.3
+    assert contact.diameter == pytest.approx(steepest_diameter(BALL), abs=0.4)
+    assert (contact.deviations > 0).all()
+    assert contact.paths == (shown[pad].view.path,)
+    assert all(shown[one].contacts == [] for one in shown if one != pad)
+    # Its outline in the frame lies about its image, by the view's corners.
+    outline, view = shown[pad].outlines[0], shown[pad].view
+    size = lit.finger.catalog.lengths[pad], lit.finger.width
+    middle = map_to_image(view, lit.finger.lens, contact.center[None], *size)[0]
+    assert np.hypot(*(outline.mean(axis=0) - middle)) < 4
+    across = np.ptp(outline, axis=0)
+    assert (across > 0.5 * least_scale(view, lit.finger.lens, *size) * contact.diameter).all()
+    drawn = draw_overlay(seen_of(lit, image), lit.joints, lit.pads)
+    assert np.any(drawn != draw_overlay(seen_of(lit, image)._replace(pads={}), *names(lit)))
+    for column, row in outline:
+        assert np.any(drawn[round(row), round(column)] != image[round(row), round(column)])
+    marked = np.any(draw_pad(shown[pad]) != shown[pad].picture, axis=2)
+    away = np.argwhere(marked) / 10 + 0.05 - contact.center - [0, lit.finger.width / 2]
+    away = np.hypot(*away.T)
+    assert away.mean() == pytest.approx(contact.diameter / 2, abs=0.1)
+    assert np.ptp(away) < 1  # as broad as the line and its ground
+
+
+def names(reader):
+    return reader.joints, reader.pads
+
+
+def test_untouched_pads_have_no_contact(lit, frames):
+    for image in frames:
+        shown = lit.read_pads(image, lit.read(image))
+        assert len(shown) > 0
+        assert all(one.contacts == [] for one in shown.values())
+
+
+def test_contacts_are_written_and_printed(lit, touched, tmp_path, capsys):
+    pad, image = touched
+    write(tmp_path / "one.png", image)
+    with live_page(0) as page:
+        page.begin(lit)
+        run(lit, tmp_path / "one.png", tmp_path / "out", page, pads=True)
+        news = json.loads(read(page, "/reading.json")[1])
+    text = capsys.readouterr().out
+    (line,) = lines_of(tmp_path / "out")
+    (contact,) = line["pads"][pad]["contacts"]
+    assert news["record"]["pads"][pad]["contacts"] == [contact]
+    assert contact["paths"] == [line["pads"][pad]["path"]]
+    (row,) = rows_of(tmp_path / "out")
+    assert row[f"{pad}_contacts"] == "1"
+    for name, truth in (("along", BALL.along), ("across", BALL.across)):
+        assert contact[f"{name}_mm"] == pytest.approx(truth, abs=0.3)
+        assert float(row[f"{pad}_{name}_mm"]) == contact[f"{name}_mm"]
+        assert float(row[f"{pad}_{name}_deviation_mm"]) == contact[f"{name}_deviation_mm"] > 0
+        shown = f"{contact[f'{name}_mm']:.2f} ± {contact[f'{name}_deviation_mm']:.2f} mm {name}"
+        assert shown in text
+    for other in line["pads"].keys() - {pad}:
+        assert line["pads"][other]["contacts"] == []
+        assert (row[f"{other}_contacts"], row[f"{other}_along_mm"]) == ("0", "")
+    assert f"contact on {pad}: " in text
+    assert text.count("contact on ") == 1
+    pads = tmp_path / "out/pads"
+    assert [one.name for one in pads.glob("*-contacts.png")] == [f"000000-{pad}-contacts.png"]
+
+
+def test_without_its_light_no_contact_is_looked_for(reader, touched, tmp_path, capsys):
+    pad, image = touched
+    write(tmp_path / "one.png", image)
+    run(reader, tmp_path / "one.png", tmp_path / "out")
+    assert "contacts are not looked for: sensor.toml has no [light]" in capsys.readouterr().out
+    assert lines_of(tmp_path / "out")[0]["pads"][pad]["contacts"] is None
+    assert rows_of(tmp_path / "out")[0][f"{pad}_contacts"] == ""
+
+
+def test_light_is_read_from_the_sensors_file(lit, tmp_path):
+    write_sensor(lit.sensor, tmp_path)
+    assert read_sensor(tmp_path).light == SOFT
+    text = (tmp_path / "sensor.toml").read_text()
+    begin = text.rindex("[light.red]")  # a comment names it, too
+    own = text[text.index("[", begin + 1) :]
+    faults = {
+        'beside = "above"\nhigh = 2': "light.red.beside",
+        'beside = "left"\nlow = 3\nhigh = 2': "make 'low' less than 'high'",
+        'beside = "left"\nhigh = 2\nbright = 1': "light.red.bright",
+    }
+    for table, message in faults.items():
+        (tmp_path / "sensor.toml").write_text(f"{text[:begin]}[light.red]\n{table}\n\n{own}")
+        with pytest.raises(UserError, match=message):
+            read_sensor(tmp_path)
+
+
+def test_lamps_are_beside_their_sides():
+    tables = (LampTable(beside=side, gap=2, low=1, high=3) for side in ("right", "from", "left"))
+    named = dict(zip(("red", "green", "blue"), tables, strict=True))
+    red, green, blue = LightTable(**named).lamps(20.0, 10.0)
+    assert red == Lamp((0.0, 7.0), (20.0, 7.0), 1, 3)
+    assert green == Lamp((-2.0, -5.0), (-2.0, 5.0), 1, 3)
+    assert blue == Lamp((0.0, -7.0), (20.0, -7.0), 1, 3)
+    last = LightTable(blue=LampTable(beside="to", gap=1, high=2)).lamps(20.0, 10.0)
+    assert last == [None, None, Lamp((21.0, -5.0), (21.0, 5.0), 0, 2)]
+    assert LightTable().lamps(20.0, 10.0) == []
 
 
 # A source ----------------------------------------------------------------------------------------

@@ -5,23 +5,27 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from designopt.errors import UserError
 from optics import Fabrication, Imaging, Scene
 from optics.rendering import Effects, Imprint, Renderer, TactileImage
 from perception import Lens, Sighting, View, ViewCatalog, detect_views, select_view, unwarp
+from perception.places import find_places_in_air
 from perception.proprioception import CornerModel
+from perception.unwarping import PlacesOf
 from studies.models.one_thread import one_thread
 from studies.models.sensor.catalog import catalog_of
-from studies.models.sensor.estimators import corner_model, lens_of
+from studies.models.sensor.estimators import Predictor, corner_model, lens_of
 from studies.models.sensor.imaged import designed
 from studies.models.sensor.made import carried_by_camera, deviations_of, lens_fault, sample_finger
+from studies.models.sensor.places import PlaceFinder
 from studies.models.sensor.spec import LEAST_ROWS, MOST_ROWS, FingerImagesSpec
 
 CURE = "give the scene of a finger with --set scene=FILE"
@@ -122,9 +126,50 @@ class FingerSensor:
         views = [view for view in sighting.views if view.pad == pad]
         return select_view(views, self.lens, self.catalog.lengths[pad], self.width, by=by)
 
-    def unwarp(self, pixels: np.ndarray, view: View) -> np.ndarray:
-        """The pad of a view, as seen from straight above."""
-        return unwarp(pixels, view, self.lens, self.catalog.lengths[view.pad], self.width)
+    def unwarp(
+        self, pixels: np.ndarray, view: View, places_of: PlacesOf | None = None
+    ) -> np.ndarray:
+        """The pad of a view, as seen from straight above; see `perception.unwarp`."""
+        size = self.catalog.lengths[view.pad], self.width
+        return unwarp(pixels, view, self.lens, *size, places_of)
+
+    def find_places(
+        self, sighting: Sighting, angles: Float[np.ndarray, " joints"] | None = None
+    ) -> dict[tuple[str, str], PlacesOf]:
+        """Where places of pads are imaged, by pad and path of every complete view.
+
+        Args:
+            sighting: what was found in a frame.
+            angles: joint angles, rad, where they are known better than as the rough ones of the
+                sighting; NaN for one that is not known at all.
+        """
+        found = {(view.pad, view.path): view for view in sighting.complete()}
+        if self.scene.layers is None and self.scene.camera.pupil_shift is None:
+            sizes = {name: (self.catalog.lengths[name[0]], self.width) for name in found}
+            return {
+                name: find_places_in_air(view, self.lens, *sizes[name])
+                for name, view in found.items()
+            }
+        given = np.nan_to_num(sighting.angles if angles is None else angles)
+        corners = self._designed_corners(jnp.asarray(given))
+        views = [found.get(name) for name in self.model.views]
+        places = self._place_finder.find(views, np.asarray(corners), given)
+        named = zip(self.model.views, places, strict=True)
+        return {name: places_of for name, places_of in named if places_of is not None}
+
+    @cached_property
+    def _place_finder(self) -> PlaceFinder:
+        lengths = [self.catalog.lengths[pad] for pad, _ in self.model.views]
+        views = self._predictor.views
+        return PlaceFinder(self.scene, self.imaging, self.lens, views, lengths, self.width)
+
+    @cached_property
+    def _predictor(self) -> Predictor:
+        assert isinstance(self.model.predict, Predictor)
+        return self.model.predict
+
+    def _designed_corners(self, angles: Float[Array, " joints"]) -> Float[Array, "views 4 2"]:
+        return _predict_corners(self._predictor, jnp.zeros(self.model.errors), angles)
 
     def film(
         self,
@@ -156,6 +201,9 @@ class FingerSensor:
     def made(self, seed: int, number: int) -> tuple[Fabrication, Float[np.ndarray, " errors"]]:
         """Normal errors of one of many fingers, and the same in units of their deviations."""
         return sample_finger(self.deviations, seed, number)
+
+
+_predict_corners = eqx.filter_jit(Predictor.__call__)
 
 
 def _fault(scene: Scene, imaging: Imaging) -> str:

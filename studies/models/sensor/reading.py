@@ -11,8 +11,10 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from perception import Sighting, View, compare_with_reference
+from perception.contacts import Contact, find_contacts, fuse_contacts
+from perception.places import find_sight
 from perception.proprioception import JointAngles, Misfit, find_pose, observe
-from perception.unwarping import PER_MM
+from perception.unwarping import PER_MM, PlacesOf
 from studies.models.sensor.sensor_folder import Sensor
 
 SQUARE_MM = 1.0
@@ -26,7 +28,7 @@ Image = UInt8[np.ndarray, "rows columns 3"]
 
 @dataclass(frozen=True, eq=False)
 class PadReading:
-    """A pad as the view shows it that shows it best.
+    """A pad as the view shows it that shows it best, and what is pressed into it by all views.
 
     Attributes:
         view: that view, complete.
@@ -34,11 +36,28 @@ class PadReading:
         difference: by how much each place and color is brighter than in the sensor's frame that
             shows the same view at the nearest joint angles, each over its own smooth part; ``None``
             if no frame shows that view.
+        contacts: the strongest first; ``None`` if the sensor states no light, or no frame of it
+            shows any of the pad's views.
+        places: where the pad is imaged in each view that contacts were looked for in.
     """
 
     view: View
     picture: UInt8[np.ndarray, "along across 3"]
     difference: Float[np.ndarray, "along across 3"] | None
+    contacts: list[Contact] | None = None
+    places: tuple[PlacesOf, ...] = ()
+
+    @property
+    def outlines(self) -> list[Float[np.ndarray, "corners 2"]]:
+        """Of every contact in each of the views: columns and rows in the frame.
+
+        The membrane leaves what is pressed in about half as high as it is lifted.
+        """
+        return [
+            places_of(np.insert(one.outline, 2, one.depth / 2, axis=1))
+            for one in self.contacts or []
+            for places_of in self.places
+        ]
 
     @functools.cached_property
     def change(self) -> float:
@@ -121,16 +140,43 @@ class Reader:
     def read_pads(self, image: Image, reading: Reading) -> dict[str, PadReading]:
         """The pads that the frame of a reading shows whole, by name."""
         near = np.where(np.isnan(reading.angles), reading.sighting.angles, reading.angles)
+        places = self.finger.find_places(reading.sighting, near)
         pads = {}
         for pad in self.pads:
             view = self.finger.best_view(reading.sighting, pad)
             if view is None:
                 continue
-            picture = self.finger.unwarp(image, view)
-            reference = self._reference(view, near)
-            difference = None if reference is None else compare_with_reference(picture, reference)
-            pads[pad] = PadReading(view, picture, difference)
+            views = [view]
+            if self.sensor.light is not None:  # others matter to contacts alone
+                complete = reading.sighting.complete()
+                views += [one for one in complete if one.pad == pad and one is not view]
+            own = [places[pad, one.path] for one in views]
+            pads[pad] = self._read_pad(image, views, own, near)
         return pads
+
+    def _read_pad(
+        self,
+        image: Image,
+        views: list[View],
+        places: list[PlacesOf],
+        angles: Float[np.ndarray, " joints"],
+    ) -> PadReading:
+        """A pad by its complete views, the best one first."""
+        finger, light = self.finger, self.sensor.light
+        pictures = [finger.unwarp(image, *one) for one in zip(views, places, strict=True)]
+        references = [self._reference(view, angles) for view in views]
+        difference = None
+        if references[0] is not None:
+            difference = compare_with_reference(pictures[0], references[0])
+        found = []
+        if light is not None:
+            size = finger.catalog.lengths[views[0].pad], finger.width
+            for view, places_of, *both in zip(views, places, pictures, references, strict=True):
+                if both[1] is not None:
+                    sight, lamps = find_sight(places_of, *size), light.lamps(*size)
+                    found.append(find_contacts(*both, view, sight, lamps, finger.lens.response))
+        contacts = fuse_contacts(found) if found else None
+        return PadReading(views[0], pictures[0], difference, contacts, tuple(places))
 
     def _reference(
         self, view: View, angles: Float[np.ndarray, " joints"]
@@ -147,7 +193,10 @@ class Reader:
         """By pad and path, the sensor's frames that show the view whole, and the pad in each."""
         found: dict[tuple[str, str], list[tuple[int, np.ndarray]]] = {}
         for number, frame in enumerate(self.sensor.frames):
-            for view in self.finger.detect(frame).complete():
-                picture = self.finger.unwarp(frame, view)
-                found.setdefault((view.pad, view.path), []).append((number, picture))
+            sighting = self.finger.detect(frame)
+            places = self.finger.find_places(sighting, self.sensor.angles[number])
+            for view in sighting.complete():
+                name = view.pad, view.path
+                picture = self.finger.unwarp(frame, view, places[name])
+                found.setdefault(name, []).append((number, picture))
         return found

@@ -30,6 +30,7 @@ from optics.scene.writer import scene_tables
 from perception.proprioception import FingerErrors
 from studies.models.sensor.finger_sensor import FingerSensor
 from studies.models.sensor.lens_in_scene import with_lens
+from studies.models.sensor.light import LightTable
 from studies.models.sensor.made import deviations_of
 from studies.models.sensor.spec import MadeSpec
 
@@ -38,7 +39,10 @@ DOCUMENT, ARRAYS = "sensor.toml", "arrays.npz"
 COMMENT = """A sensor, calibrated by designopt calibrate finger. Lengths are mm, angles degrees.
 [scene], [camera], [[mirrors]], [[pads]] and [frames] describe the finger as designed, as in a
 scene's file; [lens] is its camera's lens, as in a lens's file. What was found of the finger itself
-is in arrays.npz: errors in units of the deviations that [tolerances] states."""
+is in arrays.npz: errors in units of the deviations that [tolerances] states.
+[light] is yours to write: without it contacts are not looked for. Empty it is light that comes
+evenly from all sides; [light.red], [light.green], [light.blue] are line lamps beside every pad:
+beside = "left", "right", "from" or "to", gap to the pad's edge, low and high above its membrane."""
 
 
 class SensorTable(Spec):
@@ -57,6 +61,7 @@ class SensorFile(Spec):
     sensor: SensorTable
     lens: LensTable
     tolerances: MadeSpec
+    light: LightTable | None = None
 
 
 @dataclass(frozen=True)
@@ -74,6 +79,7 @@ class Sensor:
         scatter: of these frames, in units of what was stated.
         angles: of the frames, rad.
         frames: red, green and blue.
+        light: how its pads are lit; ``None`` if nobody has stated it.
     """
 
     name: str
@@ -86,6 +92,7 @@ class Sensor:
     scatter: float
     angles: Float[np.ndarray, "frames joints"]
     frames: UInt8[np.ndarray, "frames rows columns 3"]
+    light: LightTable | None = None
 
 
 def finger_sensor(
@@ -122,6 +129,8 @@ def write_sensor(sensor: Sensor, folder: Path) -> None:
     }
     tolerances = sensor.tolerances.model_dump(mode="json")
     tables = {"sensor": table, **lens, "tolerances": tolerances, **scene_tables(sensor.scene)}
+    if sensor.light is not None:
+        tables["light"] = sensor.light.model_dump(mode="json", exclude_none=True)
     (folder / DOCUMENT).write_text(format_toml(tables, COMMENT), encoding="utf-8")
     np.savez_compressed(
         folder / ARRAYS,
@@ -149,7 +158,7 @@ def _read_document(path: Path) -> tuple[SensorFile, Scene]:
             f"{path}: there is no such folder; make a sensor with 'designopt calibrate finger'"
         )
     tables = read_toml(path / DOCUMENT, "sensor")
-    own = {name: tables[name] for name in ("sensor", "lens", "tolerances") if name in tables}
+    own = {name: tables[name] for name in SensorFile.model_fields if name in tables}
     rest = {name: table for name, table in tables.items() if name not in own}
     source = str(path / DOCUMENT)
     return validated(SensorFile, own, source), parse_scene(rest, source)
@@ -175,7 +184,7 @@ def read_sensor(folder: str | Path) -> Sensor:
     parts = (jnp.asarray(arrays[name]) for name in ("mean", "offsets", "covariance", "scale"))
     return Sensor(
         table.name, finger, scene, lens, file.tolerances, table.gamma, FingerErrors(*parts),
-        table.scatter, arrays["angles"], arrays["frames"],
+        table.scatter, arrays["angles"], arrays["frames"], file.light,
     )  # fmt: skip
 
 

@@ -44,6 +44,8 @@ class Capture:
         flare: part of the light that becomes veiling glare and a ghost.
         jpeg: quality, or none.
         contacts: what is pressed into membranes.
+        heights: on a lamp, each of which is hidden or not by what is pressed in: its light changes
+            in so many steps.
     """
 
     light: Literal["even", "lamps"] = "even"
@@ -58,6 +60,7 @@ class Capture:
     flare: float = 0.0
     jpeg: int | None = None
     contacts: tuple[Contact, ...] = ()
+    heights: int = 3
 
 
 def expose(

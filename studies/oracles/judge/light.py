@@ -33,8 +33,12 @@ COLORS = np.array([[1.0, 0.06, 0.02], [0.02, 0.5, 0.03], [0.02, 0.08, 1.0]])
 NODES, RAYS = 1.0, 987
 """Distance of places from which rays go out, mm, and how many do."""
 
-GRID, FINE = 0.25, 0.2
+GRID, FINE = 0.25, 0.05
 """Step of the grid on which light is kept, mm, without and with contacts."""
+
+SHADED, LIFTED = 0.2, 0.05
+"""Shading by lamps is computed on a grid of this step, mm, but at every place that is lifted by
+more than this, mm: a pin's flank is as broad as a few tenths of a mm."""
 
 INSET = 0.02
 """Rays go out so far inside the membrane's outline and above it, mm."""
@@ -42,8 +46,8 @@ INSET = 0.02
 PIECES = 160
 """Of a lamp in air."""
 
-SHADOW_PIECES, SHADOW_HEIGHTS, SHADOW_STEPS = 10, 3, 14
-"""Of a lamp that throws shadows, heights on it, and steps of the way to it."""
+SHADOW_PIECES, SHADOW_STEPS = 10, 14
+"""Of a lamp that throws shadows, and steps of the way to it."""
 
 
 class MembraneLight(NamedTuple):
@@ -250,30 +254,40 @@ def _press(pad: Tables, flat: FlatLight, pressed: list, capture: Capture) -> Mem
     heights, normals = bulges.heights(0, along, across), bulges.normals(0, along, across)
     round_ = round_ * ((1 + normals[..., 2:]) / 2)
     if capture.light == "lamps":
-        for lamp in range(3):
-            direct[..., lamp] *= _shading(pad, length, half, lamp, along, across, heights, normals)
+        near, grid = heights > LIFTED, _grid(length, half, SHADED)
+        shade = functools.partial(_shading, pad, length, half, heights, bulges, capture.heights)
+        coarse = np.stack([shade(lamp, *grid) for lamp in range(3)], axis=-1)
+        shading = MembraneLight(length, half, coarse).at(along.ravel(), across.ravel())
+        shading = shading.reshape(direct.shape)
+        places = along[near], across[near]
+        shading[near] = np.stack([shade(lamp, *places) for lamp in range(3)], axis=-1)
+        direct *= shading
     return MembraneLight(length, half, direct @ COLORS + round_)
 
 
 def _shading(
-    pad: Tables, length: float, half: float, lamp: int, along: np.ndarray, across: np.ndarray,
-    heights: np.ndarray, normals: np.ndarray,
+    pad: Tables, length: float, half: float, surface: np.ndarray, bulges: Contacts, rows: int,
+    lamp: int, along: np.ndarray, across: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
-    """Irradiance of the bulging membrane by a lamp over that of the flat one."""
+    """Irradiance of places of the bulging membrane by a lamp over that of the flat one.
+
+    The surface is the membrane's height on a grid between its edges, which throws shadows.
+    """
+    heights, normals = bulges.heights(0, along, across), bulges.normals(0, along, across)
     thickness = sum(layer["thickness"] for layer in pad.get("layers", []))
     low, high, gap = (0.0, 2 * thickness, 0.0) if thickness else (FOOT, TOP, GAP)
-    levels = low + (np.arange(SHADOW_HEIGHTS) + 0.5) / SHADOW_HEIGHTS * (high - low)
+    levels = low + (np.arange(rows) + 0.5) / rows * (high - low)
     points, to, extent = lamp_points(length, half, lamp, SHADOW_PIECES, levels, gap)
-    places = np.stack([along, across, heights], axis=-1)
-    steps = np.array([length / (along.shape[0] - 1), 2 * half / (along.shape[1] - 1)])
+    places = np.stack([along, across], axis=-1)
+    steps = np.array([length, 2 * half]) / np.subtract(surface.shape, 1)
     bright, plain = np.zeros(along.shape), np.zeros(along.shape)
-    for piece in points.reshape(SHADOW_PIECES, SHADOW_HEIGHTS, 3):
-        ways = piece[0, :2] - places[..., :2]
+    for piece in points.reshape(SHADOW_PIECES, rows, 3):
+        ways = piece[0, :2] - places
         horizon = np.full(along.shape, -np.inf)
         for share in (np.arange(SHADOW_STEPS) + 0.5) ** 2 / SHADOW_STEPS**2:
-            spot = places[..., :2] + share * ways
+            spot = places + share * ways
             index = np.moveaxis((spot + np.array([0.0, half])) / steps, -1, 0)
-            there = scipy.ndimage.map_coordinates(heights, index, order=1, mode="nearest")
+            there = scipy.ndimage.map_coordinates(surface, index, order=1, mode="nearest")
             horizon = np.maximum(horizon, (there - heights) / share)
         # A piece is no point: half its length is the least distance.
         square = np.sum(ways**2, axis=-1) + (extent / SHADOW_PIECES / 2) ** 2

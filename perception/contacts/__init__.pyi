@@ -1,0 +1,10 @@
+from .contact import Contact, fuse_contacts
+from .finding import find_contacts
+from .lamps import Lamp
+
+__all__ = [
+    "Contact",
+    "Lamp",
+    "find_contacts",
+    "fuse_contacts",
+]

@@ -1,0 +1,58 @@
+"""How a sensor's pads are lit, as a person states it in ``sensor.toml``."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import pydantic
+
+from designopt.io.spec import Spec
+from designopt.io.spec_files import Number
+from perception.contacts import Lamp
+
+
+class LampTable(Spec):
+    """A line lamp as long as the side of each pad that it is beside.
+
+    Sides are those of the unwarped pad: rows go from its end "from" to "to", columns to the right.
+    """
+
+    beside: Literal["from", "to", "left", "right"]
+    gap: Annotated[Number, pydantic.Field(ge=0)] = 0.0
+    low: Annotated[Number, pydantic.Field(ge=0)] = 0.0
+    high: Annotated[Number, pydantic.Field(gt=0)]
+
+    @pydantic.model_validator(mode="after")
+    def _has_a_height(self) -> LampTable:
+        if self.low >= self.high:
+            raise ValueError(
+                "its edges' heights are the wrong way round; make 'low' less than 'high'"
+            )
+        return self
+
+    def lamp(self, length: float, width: float) -> Lamp:
+        """The lamp of a pad of a size, mm."""
+        half, first, last = width / 2, -self.gap, length + self.gap
+        left, right = -half - self.gap, half + self.gap
+        start, end = {
+            "from": ((first, -half), (first, half)),
+            "to": ((last, -half), (last, half)),
+            "left": ((0.0, left), (length, left)),
+            "right": ((0.0, right), (length, right)),
+        }[self.beside]
+        return Lamp(start, end, self.low, self.high)
+
+
+class LightTable(Spec):
+    """``[light]``: the lamp of each color; without any, light comes evenly from all sides."""
+
+    red: LampTable | None = None
+    green: LampTable | None = None
+    blue: LampTable | None = None
+
+    def lamps(self, length: float, width: float) -> list[Lamp | None]:
+        """Those of a pad of a size, mm: red, green and blue; none in even light."""
+        tables = self.red, self.green, self.blue
+        if not any(tables):
+            return []
+        return [None if one is None else one.lamp(length, width) for one in tables]

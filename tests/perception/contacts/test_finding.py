@@ -1,0 +1,187 @@
+"""Contacts in pictures by other formulas, in noise, and in a path tracer's picture."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from designopt import UserError
+from perception.contacts import find_contacts
+from perception.contacts.change import Change
+from perception.contacts.fitting import fit, start_at
+from perception.places import find_sight
+from perception.unwarping import PER_MM
+from tests.perception.contacts.shaded import (
+    Bump,
+    lamps,
+    light_of,
+    picture_of,
+    response,
+    sight,
+    view,
+)
+
+needs_mitsuba = pytest.mark.skipif(
+    importlib.util.find_spec("mitsuba") is None,
+    reason="Mitsuba is not installed; the extra 'judge' brings it",
+)
+
+
+def found_in(bumps, *, lit, slope=(0.0, 0.0), gamma=1.0, jpeg=None, seed=0):
+    generator = np.random.default_rng(seed)
+    pressed, flat = (
+        picture_of(light_of(own, lit, slope), generator, gamma=gamma, jpeg=jpeg)
+        for own in (bumps, [])
+    )
+    own = lamps() if lit else []
+    return find_contacts(pressed, flat, view(), sight(slope), own, response(gamma))
+
+
+@pytest.mark.parametrize("lit", [True, False])
+@pytest.mark.parametrize("gamma", [1.0, 2.2])
+@pytest.mark.parametrize(
+    "bump", [Bump(9.0, 2.0, 3.0, 0.6), Bump(14.3, -4.1, 4.0, 0.9), Bump(12.0, 0.0, 5.0, 1.1)]
+)
+def test_a_sphere_is_found_where_it_is_and_as_large_as_it_is(bump, lit, gamma):
+    [found] = found_in([bump], lit=lit, gamma=gamma, jpeg=90)
+    assert found.center == pytest.approx([bump.along, bump.across], abs=0.15)
+    assert found.diameter == pytest.approx(bump.diameter, rel=0.12)
+    assert (found.pad, found.paths) == ("tip", ("direct",))
+    assert np.all(found.deviations > 0)
+    away = np.linalg.norm(found.outline - found.center, axis=1)
+    assert away == pytest.approx(np.full(len(away), found.diameter / 2))
+
+
+@pytest.mark.parametrize("lit", [True, False])
+def test_several_bumps_are_several_contacts(lit):
+    bumps = [Bump(6.0, -6.0, 3.0, 0.6), Bump(17.0, -5.0, 4.0, 0.9), Bump(12.0, 6.0, 3.5, 0.7)]
+    found = found_in(bumps, lit=lit)
+    assert len(found) == 3
+    for bump in bumps:
+        nearest = min(found, key=lambda one: math.dist(one.center, bump[:2]))
+        assert nearest.center == pytest.approx(bump[:2], abs=0.15)
+        assert nearest.diameter == pytest.approx(bump.diameter, rel=0.12)
+    strengths = [one.strength for one in found]
+    assert strengths == sorted(strengths, reverse=True)
+
+
+@pytest.mark.parametrize("lit", [True, False])
+def test_what_is_lifted_is_found_where_it_is_not_where_it_appears(lit):
+    slope, bump = (0.7, -0.3), Bump(12.0, 1.0, 4.0, 0.8)
+    [found] = found_in([bump], lit=lit, slope=slope)
+    assert found.center == pytest.approx(bump[:2], abs=0.25)
+    assert found.diameter == pytest.approx(bump.diameter, rel=0.15)
+    # It appears farther off than that.
+    [ignored] = found_in([bump._replace(along=12.0 - 0.7 * 0.8, across=1.0 + 0.3 * 0.8)], lit=lit)
+    assert math.dist(ignored.center, bump[:2]) > 0.4
+
+
+def test_what_lies_in_the_shadow_of_another_contact_is_not_fitted():
+    generator = np.random.default_rng(3)
+    pressed, flat = (
+        picture_of(light_of(own, True), generator) for own in ([Bump(12.0, -5.0, 3.0, 0.6)], [])
+    )
+    change, start = Change.of(pressed, flat, sight(), None), start_at(np.array([12.0, -5.0, 1.5]))
+    lit = [lamps()[0], None, None]
+    assert fit(change, start, np.zeros((0, 3)), lit) is not None
+    assert fit(change, start, np.array([[12.0, 9.0, 6.0]]), lit) is None
+
+
+def test_what_is_pressed_off_the_pad_is_not_claimed():
+    assert found_in([Bump(12.0, 11.5, 4.0, 0.8)], lit=True) == []
+
+
+@pytest.mark.parametrize("lit", [True, False])
+@pytest.mark.parametrize("jpeg", [None, 90])
+def test_nothing_is_claimed_where_nothing_is(lit, jpeg):
+    generator = np.random.default_rng(1)
+    v = np.linspace(-1, 1, 240)
+    flat = light_of([], lit) * (0.5 + 0.5 * v**2)[:, None]
+    claimed = 0
+    for number in range(10):
+        # Lamps age and cameras are moved: a picture is brighter, and 0.3 samples off.
+        moved = cv2.warpAffine(flat, np.array([[1.0, 0, 0.2], [0, 1, 0.2]]), (240, 240),
+                               borderMode=cv2.BORDER_REPLICATE)  # fmt: skip
+        gamma = (1.0, 2.2)[number % 2]
+        pictures = (
+            picture_of(one, generator, gamma=gamma, jpeg=jpeg) for one in (1.05 * moved, flat)
+        )
+        own = lamps() if lit else []
+        claimed += len(find_contacts(*pictures, view(), sight(), own, response(gamma)))
+    assert claimed == 0
+
+
+def test_flat_views_and_dark_ones_claim_nothing():
+    generator = np.random.default_rng(2)
+    bump = [Bump(12.0, 0.0, 4.0, 0.8)]
+    pressed, flat = (picture_of(light_of(own, True), generator) for own in (bump, []))
+    assert len(find_contacts(pressed, flat, view(), sight(), lamps())) == 1
+    # Rays that are nearly parallel to the pad.
+    assert find_contacts(pressed, flat, view(), sight((10.0, 0.0)), lamps()) == []
+    dark = np.zeros_like(flat)
+    assert find_contacts(dark, dark, view(), sight(), lamps()) == []
+
+
+@pytest.mark.parametrize(
+    ("picture", "reference", "message"),
+    [
+        (np.zeros((240, 240), np.uint8), np.zeros((240, 240, 3), np.uint8), "unwarped pad"),
+        (np.zeros((240, 240, 3), np.uint8), np.zeros((240, 240, 3)), "reference of a pad"),
+        (np.zeros((240, 230, 3), np.uint8), np.zeros((240, 240, 3), np.uint8), "its reference"),
+    ],
+)
+def test_pictures_of_other_kinds_are_refused(picture, reference, message):
+    with pytest.raises(UserError, match=message):
+        Change.of(picture, reference, sight(), None)
+
+
+def test_pictures_of_two_sizes_are_refused():
+    pictures = (np.zeros((size, 240, 3), np.uint8) for size in (240, 230))
+    with pytest.raises(UserError, match="its reference"):
+        find_contacts(*pictures, view(), sight(), [])
+
+
+@needs_mitsuba
+def test_contacts_in_a_path_tracers_picture_are_where_they_were_pressed():
+    from studies.oracles.judge.capture import Capture
+    from studies.oracles.judge.contacts import Contact
+    from studies.oracles.judge.photograph import photograph
+
+    length, width, height = 24.0, 24.0, 30.0
+    pad = {"name": "pad", "from": [0, 0], "to": [length, 0], "side": "left", "width": width}
+    camera = {"position": [12, height], "direction_deg": -90, "fov_deg": 90, "pixels": 500}
+    pressed = (
+        Contact("pad", "sphere", 7.0, -4.0, 0.8, size=5.0),
+        Contact("pad", "pin", 16.5, 4.5, 0.7, size=1.5),
+    )
+    pictures = [
+        photograph({"camera": camera, "pads": [pad]}, None, {}, Capture(contacts=own), seed).pixels
+        for seed, own in enumerate([pressed, ()])
+    ]
+    rows, columns = pictures[0].shape[:2]
+
+    def places_of(points):
+        # The image height of the lens is its angle: half the rows are 45°.
+        u, v = points[:, 0] - length / 2, points[:, 1]
+        away = np.hypot(u, v) + 1e-12
+        radius = rows / 2 / math.radians(45) * np.arctan2(away, height - points[:, 2])
+        # Along the pad is up in the picture of a camera that looks down.
+        return np.stack(
+            [(columns - 1) / 2 + radius * v / away, (rows - 1) / 2 - radius * u / away], axis=-1
+        )
+
+    shape = round(length * PER_MM), round(width * PER_MM)
+    along, across = (np.arange(size) / PER_MM + 0.5 / PER_MM for size in shape)
+    flat = np.stack(np.meshgrid(along, across - width / 2, [0.0], indexing="ij"), -1)
+    maps = places_of(flat.reshape(-1, 3)).reshape(*shape, 2).astype(np.float32)
+    unwarped = [cv2.remap(one, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR) for one in pictures]
+    found = find_contacts(*unwarped, view(), find_sight(places_of, length, width), [])
+    assert len(found) == 2
+    for one in pressed:
+        nearest = min(found, key=lambda own: math.dist(own.center, (one.along, one.across)))
+        assert nearest.center == pytest.approx([one.along, one.across], abs=0.15)
+        assert nearest.diameter == pytest.approx(2 * one.edge, abs=0.2)
