@@ -85,11 +85,10 @@ class TangentPlane:
     Its coordinates are across the section and along it (up). A view lies within 90° of its middle.
 
     Attributes:
-        angle: section angle of the point that it touches, rad; of every ray its own, where many
-            planes are worked on at once.
+        angle: section angle of the point that it touches, rad.
     """
 
-    angle: float | Float[np.ndarray, " _"]
+    angle: float
 
     def flat(self, rays: Rays) -> Float[np.ndarray, "_ 2"]:
         """Places of rays in the plane."""

@@ -189,6 +189,14 @@ class _Sides(NamedTuple):
     end: Float[np.ndarray, "views sides 2"]
     outward: Float[np.ndarray, "views sides 2"]
 
+    @classmethod
+    def of(cls, outlines: Sequence[Outline]) -> _Sides:
+        """Those of outlines."""
+        all_sides = [outline.sides for outline in outlines]
+        starts = np.array([[side.start for side in sides] for sides in all_sides])
+        ends = np.array([[side.end for side in sides] for sides in all_sides])
+        return cls(starts, ends, np.array([[side.outward for side in one] for one in all_sides]))
+
     def places(self, shares: Float[np.ndarray, " points"]) -> Float[np.ndarray, "places 2"]:
         """As `Side.places`, of one side after the other."""
         ways = shares[:, None] * (self.end - self.start)[:, :, None]
@@ -250,13 +258,11 @@ def find_all_edges(
     shares = np.linspace(TRIMMED, 1 - TRIMMED, POINTS)
     views, each = len(outlines), len(outlines[0].sides)
     shape = (views * each, POINTS)
-    sides = _Sides(
-        *np.moveaxis([[(s.start, s.end, s.outward) for s in one.sides] for one in outlines], 2, 0)
-    )
+    sides = _Sides.of(outlines)
     flat, outward = sides.places(shares), np.repeat(sides.outward.reshape(-1, 2), POINTS, axis=0)
+    rays = TangentPlane(0.0).rays(np.concatenate([flat, flat + SMALL * outward]))
     middles = np.repeat([outline.plane.angle for outline in outlines], each * POINTS)
-    both = np.concatenate([flat, flat + SMALL * outward])
-    at, beside = np.split(lens.project(TangentPlane(np.tile(middles, 2)).rays(both)), 2)
+    at, beside = np.split(lens.project(rays + np.tile(middles, 2)[:, None] * [1, 0]), 2)
     scale = np.maximum(np.hypot(*(beside - at).T) / SMALL, 1e-9)
     normal = (beside - at) / (SMALL * scale[:, None])
     reach = np.linspace(-REACH, REACH, SAMPLES)
@@ -451,7 +457,7 @@ def _lines(edges: Edges) -> list[Line]:
     medians = _Medians(found)
     design = np.stack([edges.scale, edges.scale * edges.shares])
     products = np.stack([design[0] ** 2, design[0] * design[1], design[1] ** 2, *design * offsets])
-    solution = _repeated_medians(edges)
+    solution, weights, normal = _repeated_medians(edges), found * 1.0, np.zeros((len(found), 2, 2))
     for _ in range(ROUNDS):
         left = offsets - np.einsum("isp,si->sp", design, solution)
         far = left / (TUKEY * medians.deviation(left))

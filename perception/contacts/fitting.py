@@ -195,7 +195,8 @@ def _sample(change: Change, circle: Circle, others: Circles) -> _Samples:
         blocks = max(0, min(count, int((middle + reach) / CELL) + 1) - first) // cells
         ranges.append((first, blocks))
     if not all(blocks for _, blocks in ranges):
-        return _Samples(*np.zeros((2, 0)), *np.zeros((2, 0, 3)), np.zeros((0, 2)), 0.0)
+        none = np.zeros(0)
+        return _Samples(none, none, *np.zeros((2, 0, 3)), slopes=np.zeros((0, 2)), blur=0.0)
     window = tuple(slice(first, first + blocks * cells) for first, blocks in ranges)
     u, v = np.meshgrid(
         *((first + (np.arange(blocks) + 0.5) * cells) * CELL for first, blocks in ranges),

@@ -84,7 +84,7 @@ class Pieces(NamedTuple):
             across: likewise.
         """
         start, end = np.array(lamp.start), np.array(lamp.end)
-        toward, length = lamp.toward(middle), np.linalg.norm(end - start)
+        toward, length = lamp.toward(middle), float(np.linalg.norm(end - start))
         line = (end - start) / length
         distance = max(float((start - middle) @ toward), NEAREST)
         first = float((start - middle) @ line)
@@ -96,7 +96,8 @@ class Pieces(NamedTuple):
         square = np.maximum(ways[0] ** 2 + ways[1] ** 2, NEAREST**2)
         weight = sent / np.cos(angles)[:, None] ** 2 / square**2
         weight = weight / np.sum(weight, axis=0) / ((lamp.low + lamp.high) / 2)
-        return cls(*(one.astype(np.float32) for one in (*ways, weight)), lamp.low, lamp.high)
+        single = (one.astype(np.float32) for one in (*ways, weight))
+        return cls(*single, low=lamp.low, high=lamp.high)
 
     def light(self, by_along, by_across, upright, height) -> np.ndarray:
         """Light on a membrane over that on the flat one, for arrays of shape (…, places).

@@ -235,7 +235,7 @@ def test_rays_through_imaged_places_meet_the_places(kind):
             on, first, second = (one[0][-1] for one in rays if one is not None)
             np.testing.assert_allclose(on, flat[place, :2], atol=EXACT)
             # Rays to lifted places go on straight to the membrane.
-            apart = np.linalg.norm(second - on)
+            apart = float(np.linalg.norm(second - on))
             np.testing.assert_allclose(first, (on + second) / 2, atol=1e-3 + 0.05 * apart**2)
             compared += 1
     assert compared > 15

@@ -304,7 +304,7 @@ def test_a_view_that_has_run_into_something_at_both_ends_is_looked_for_between()
     corners, pad = still_of_length(1.0), still_of_length(1.0)
     corners[:, 1] += np.where(corners[:, 1] > pad[:, 1].mean(), 12.0, -12.0)
 
-    def follow(starts, _):
+    def follow(starts, _) -> list[Quad | None]:
         return [quad_of(pad if np.abs(one - pad).max() < 8 else corners) for one in starts]
 
     sighting = match_views([quad_of(corners)], KNOWN, LENS)
@@ -318,7 +318,7 @@ def test_a_view_that_has_run_into_something_at_both_ends_is_looked_for_between()
 def test_what_stays_is_looked_for_where_a_camera_out_of_place_has_it(aside):
     pad = still_of_length(1.0) + np.array([aside, 6.0])
 
-    def follow(starts, _):
+    def follow(starts, _) -> list[Quad | None]:
         return [quad_of(pad) if np.abs(one - pad).max() < 8 else None for one in starts]
 
     view = found_in(match_views([], KNOWN, LENS, follow), *VIEWS[ALONE])
@@ -332,7 +332,7 @@ def test_of_views_from_several_starts_the_one_as_long_as_the_pad_counts():
     long = quad_of(still_of_length(1.03), deviation=1.0)
     long = dataclasses.replace(long, contrast=200.0)
 
-    def follow(starts, _):
+    def follow(starts, _) -> list[Quad | None]:
         # From one of the two ends, and from the other.
         beyond = [one[:, 1].max() > pad[:, 1].max() + 3 for one in starts]
         return [long if is_beyond else quad_of(pad) for is_beyond in beyond]

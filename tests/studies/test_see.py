@@ -217,9 +217,9 @@ def test_the_reference_is_the_nearest_frame_that_shows_the_view(reader, frames):
 
 # Contacts ----------------------------------------------------------------------------------------
 
-SOFT = LightTable(
-    **{
-        color: LampTable(beside=side, gap=FAR, low=HEIGHT - 1, high=HEIGHT + 1)
+SOFT = LightTable.model_validate(
+    {
+        color: {"beside": side, "gap": FAR, "low": HEIGHT - 1, "high": HEIGHT + 1}
         for color, side in (("red", "right"), ("green", "from"), ("blue", "left"))
     }
 )

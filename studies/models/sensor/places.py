@@ -101,11 +101,9 @@ class PlaceFinder:
         )
         there = cv2.perspectiveTransform(flat(imaged.reshape(-1, 2))[None], homography)[0]
         there = there.reshape(imaged.shape)
+        along, across = self._nodes(length)
         splines = [
-            [
-                scipy.interpolate.RectBivariateSpline(*self._nodes(length), one[..., i])
-                for i in range(2)
-            ]
+            [scipy.interpolate.RectBivariateSpline(along, across, one[..., i]) for i in range(2)]
             for one in (there[0], (there[1] - there[0]) / LIFT)
         ]
 

@@ -171,10 +171,13 @@ class Reader:
         found = []
         if light is not None:
             size = finger.catalog.lengths[views[0].pad], finger.width
-            for view, places_of, *both in zip(views, places, pictures, references, strict=True):
-                if both[1] is not None:
-                    sight, lamps = find_sight(places_of, *size), light.lamps(*size)
-                    found.append(find_contacts(*both, view, sight, lamps, finger.lens.response))
+            lamps, response = light.lamps(*size), finger.lens.response
+            for view, places_of, picture, reference in zip(
+                views, places, pictures, references, strict=True
+            ):
+                if reference is not None:
+                    sight = find_sight(places_of, *size)
+                    found.append(find_contacts(picture, reference, view, sight, lamps, response))
         contacts = fuse_contacts(found) if found else None
         return PadReading(views[0], pictures[0], difference, contacts, tuple(places))
 

@@ -106,5 +106,5 @@ def sight(slope=(0.0, 0.0)):
 
 def view(pad="tip", path="direct"):
     """A view whose corners are exact."""
-    zeros, covariance = np.zeros((2, 4, 2)), np.zeros((2, 4, 2, 2))
-    return View(pad, path, 0, Quality.COMPLETE, (True, True), *zeros, *covariance, 1.0)
+    places, none = np.zeros((4, 2)), np.zeros((4, 2, 2))
+    return View(pad, path, 0, Quality.COMPLETE, (True, True), places, places, none, none, 1.0)
