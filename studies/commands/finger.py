@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
 from designopt.errors import UserError
 from designopt.io.files import check_new_folder, printable
@@ -29,7 +28,7 @@ from perception.proprioception import (
     stack_observations,
     suggest_labels,
 )
-from perception.sources import Frame, LostFrame, open_source
+from studies.commands.frame_lists import LabelledFrames, read_frames
 from studies.models.sensor.finger_sensor import FingerSensor
 from studies.models.sensor.imaged import read_imaged, width_of
 from studies.models.sensor.light import LightTable
@@ -48,20 +47,6 @@ values of every joint."""
 
 GAMMAS = np.arange(1.0, 2.61, 0.2)
 """Responses of cameras that are tried; that with the least scatter of the frames is taken."""
-
-
-class LabelledFrames(NamedTuple):
-    """Frames of a finger, and their labels.
-
-    Attributes:
-        names: of the pictures.
-        images: red, green and blue.
-        angles: rad; NaN where none is known.
-    """
-
-    names: list[str]
-    images: UInt8[np.ndarray, "frames rows columns 3"]
-    angles: Float[np.ndarray, "frames joints"]
 
 
 class Known(NamedTuple):
@@ -207,71 +192,6 @@ def _advice(
     found = suggest_labels(finger.model, errors, seen, poses, label)
     after = np.degrees(found.after).tolist()
     return Advice(math.degrees(found.before), np.degrees(poses[found.poses]), after)
-
-
-def read_frames(
-    path: Path, joints: Sequence[str], size: tuple[int, int]
-) -> tuple[LabelledFrames, list[str]]:
-    """The frames that a CSV file lists, and lines on those that cannot be read.
-
-    Its columns are ``image``, a picture's file seen from the CSV file's folder, and for each joint
-    ``<joint>_deg``; a cell is empty where the angle is not known.
-
-    Raises:
-        UserError: the file, a column, a cell or a picture is none of that.
-    """
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            rows = list(csv.DictReader(stream, strict=True))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise UserError(f"{path}: cannot be read as CSV: {reason}; correct it") from error
-    columns = ["image", *(f"{joint}_deg" for joint in joints)]
-    if not rows:
-        listed = ", ".join(columns)
-        raise UserError(f"{path}: it has no rows; list pictures, with the columns {listed}")
-    given = [name for name in rows[0] if name is not None]
-    if missing := [name for name in columns if name not in given]:
-        raise UserError(
-            f"{path}: column '{missing[0]}' is missing; its columns are {', '.join(columns)}"
-        )
-    if unknown := [name for name in given if name not in columns]:
-        raise UserError(
-            f"{path}: there is no column '{unknown[0]}'; its columns are {', '.join(columns)}"
-        )
-    names, images, angles, lost = [], [], [], []
-    for number, row in enumerate(rows, 2):
-        labels = [_angle(path, number, name, row[name]) for name in columns[1:]]
-        try:
-            source = open_source(str(path.parent / (row["image"] or "")), size=size)
-        except UserError as error:
-            lost.append(f"{path.name}, line {number}: {error}")
-            continue
-        with source:
-            for item in source:
-                if isinstance(item, Frame):
-                    names.append(item.name)
-                    images.append(item.image)
-                    angles.append(labels)
-                elif isinstance(item, LostFrame):
-                    lost.append(str(item))
-    if not names:
-        raise UserError(f"{path}: none of its pictures can be used; the first: {lost[0]}")
-    return LabelledFrames(names, np.array(images), np.radians(angles)), lost
-
-
-def _angle(path: Path, number: int, column: str, text: str | None) -> float:
-    if not text or not text.strip():
-        return math.nan
-    try:
-        angle = float(text)
-    except ValueError:
-        angle = math.inf
-    if not abs(angle) <= 180:
-        raise UserError(
-            f"{path}: line {number}, {column}: '{text}' is no angle in degrees; correct it"
-        )
-    return angle
 
 
 def _calibrated(

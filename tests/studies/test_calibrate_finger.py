@@ -5,6 +5,7 @@ import re
 import shutil
 from dataclasses import replace
 from importlib.resources import files
+from pathlib import Path
 
 import cv2
 import jax.numpy as jnp
@@ -17,7 +18,7 @@ from optics.calibration import CalibratedLens, Fisheye, write_lens
 from optics.rendering import Effects
 from optics.scene.fabrication import name_fabrication_errors
 from perception.proprioception import FingerErrors, find_pose, observe
-from studies.commands.finger import read_frames
+from studies.commands.frame_lists import label_by_tags, read_frames
 from studies.models.sensor.finger_sensor import FingerSensor
 from studies.models.sensor.lens_in_scene import with_lens
 from studies.models.sensor.made import OF_PADS, with_new_pads
@@ -204,6 +205,65 @@ def test_faults_of_a_list_of_frames_are_one_line(tmp_path, text, line):
         read_frames(path, ("pip", "dip"), (80, 60))
     assert line in str(fault.value)
     assert "\n" not in str(fault.value)
+
+
+TYPED = np.radians([[10.0, 20.0], [40.0, 5.0], [np.nan, np.nan], [np.nan, 33.0]])
+TRUE = np.radians([[10.0, 20.0], [40.0, 5.0], [70.0, 61.0], [-15.0, 33.0]])
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_tags_label_what_is_not_typed(sense):
+    """Stuck on at any angle, seen from either side, and at more than a half turn."""
+    turns = sense * TRUE + np.radians([170.0, -40.0])
+    turns = np.angle(np.exp(1j * turns))
+    found = label_by_tags(Path("frames.csv"), TYPED, turns)
+    np.testing.assert_allclose(found, TRUE, atol=1e-12)
+
+
+def test_a_tag_that_is_not_seen_labels_nothing():
+    turns = TRUE.copy()
+    turns[2, 1] = np.nan
+    found = label_by_tags(Path("frames.csv"), TYPED, turns)
+    assert np.isnan(found[2, 1])
+    assert np.isfinite(found[2, 0])
+
+
+@pytest.mark.parametrize(
+    ("typed", "turns", "line"),
+    [
+        (TYPED[[0, 2]], TRUE[[0, 2]], "how tags are stuck on is unknown; type every joint's angle"),
+        (np.where([1, 0], TYPED, np.nan), TRUE, "how tags are stuck on is unknown"),
+        (TYPED, TRUE[[3, 0, 1, 2]], "tags and typed angles differ by"),
+    ],
+)
+def test_typed_angles_that_do_not_show_how_tags_are_stuck_on(typed, turns, line):
+    with pytest.raises(UserError, match=line):
+        label_by_tags(Path("frames.csv"), typed, turns)
+
+
+def test_side_pictures_label_frames(tmp_path):
+    """Two tags, of which one is turned in the picture."""
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    tags = [cv2.aruco.generateImageMarker(dictionary, number, 100) for number in range(2)]
+    cv2.imwrite(str(tmp_path / "0.png"), np.zeros((60, 80), np.uint8))
+    rows = ["image,pip_deg,side"]
+    for number, (angle, typed) in enumerate([(5.0, "5"), (45.0, "45"), (25.0, ""), (0.0, "")]):
+        side = np.full((300, 600), 255, np.uint8)
+        side[100:200, 100:200] = tags[0]
+        side[100:200, 400:500] = tags[1]
+        if angle:  # about its middle, clockwise
+            turn = cv2.getRotationMatrix2D((449.5, 149.5), -angle, 1.0)
+            turned = cv2.warpAffine(side, turn, (600, 300), borderValue=255)
+            side[:, 300:] = turned[:, 300:]
+        cv2.imwrite(str(tmp_path / f"side{number}.png"), side if number < 3 else side[:, :300])
+        rows.append(f"0.png,{typed},side{number}.png")
+    path = tmp_path / "frames.csv"
+    path.write_text("\n".join(rows))
+    frames, lost = read_frames(path, ("pip",), (80, 60))
+    degrees = np.degrees(frames.angles[:, 0])
+    np.testing.assert_allclose(degrees[:3], [5, 45, 25], atol=0.2)
+    assert np.isnan(degrees[3])
+    assert lost == ["frames.csv, line 5: side3.png shows no tag 1, or no 0"]
 
 
 def test_a_sensor_that_is_none_is_refused(tmp_path):
