@@ -239,7 +239,7 @@ def _settling(
         sides = [Side(corners[i], corners[(i + 1) % 4]) for i in range(4)]
         return Outline(plane, sides, beside)
 
-    places, moved = lens.project(plane.rays(corners)), np.inf
+    places, moved = lens.project(plane.rays(corners)), 0.0
     found = yield sides_of(corners)
     for _ in range(STEPS - 1):
         # A blotch, hardly there on any side, is not looked at more closely.
@@ -247,8 +247,8 @@ def _settling(
             break
         before, earlier, places = places, moved, lens.project(plane.rays(found.corners))
         moved = float(np.abs(places - before).max())
-        # A round moves corners by that part of the last one by which this was shorter than its own.
-        if moved * min(moved / earlier if np.isfinite(earlier) else 1.0, 1.0) < SETTLED:
+        # Every round moves corners by about the same part of what the one before it has.
+        if moved * (min(moved / earlier, 1.0) if earlier else 1.0) < SETTLED:
             break
         found = yield sides_of(found.corners)
     if found is None or (beside is not None and not found.edges.seam):

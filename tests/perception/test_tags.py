@@ -29,7 +29,7 @@ def picture(turns, tilt, heights, numbers):
         tag = cv2.aruco.generateImageMarker(
             cv2.aruco.getPredefinedDictionary(DICTIONARY), number, SIZE
         )
-        tag = cv2.copyMakeBorder(tag, *4 * [MARGIN], cv2.BORDER_CONSTANT, value=255)
+        tag = np.pad(tag, MARGIN, constant_values=255)
         # Rows go down: counter-clockwise in the image is about -z of OpenCV's camera.
         cosine, sine = np.cos(turn), np.sin(turn)
         square = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
