@@ -98,7 +98,7 @@ def run(spec: ContactCheckSpec, context: Context) -> Results:
 def report(
     spec: ContactCheckSpec, contacts: Records, untouched: Records, pairs: Records
 ) -> Results:
-    """What the study says of contacts, of untouched pads, and of rendered pairs."""
+    """What is reported of contacts, of untouched pads, and of rendered pairs."""
     out = Report(spec, package=__package__)
     add_metrics(out, spec, contacts, untouched, pairs)
     for name in ("found", "missed", "false", "deviations"):
@@ -309,10 +309,20 @@ def add_metrics(
     lit = views["light"] != EVEN
     out.metrics(pictures=spec.fingers * spec.pressed, contacts=len(views.where(there=True)))
     for light, own in (("even", views.where(~lit)), ("lamps", views.where(lit))):
-        for name, value in statistics(own).items():
-            base, unit = (name[:-3], "_mm") if name.endswith("_mm") else (name, "")
-            if name != "contacts":
-                out.metrics(**{f"{base}_{light}{unit}": value})
+        found = statistics(own)
+        out.metrics(
+            **{
+                f"found_{light}": found["found"],
+                f"false_{light}": found["false"],
+                f"center_median_{light}_mm": found["center_median_mm"],
+                f"center_p95_{light}_mm": found["center_p95_mm"],
+                f"center_worst_{light}_mm": found["center_worst_mm"],
+                f"diameter_median_{light}_mm": found["diameter_median_mm"],
+                f"diameter_p95_{light}_mm": found["diameter_p95_mm"],
+                f"diameter_worst_{light}_mm": found["diameter_worst_mm"],
+                f"ratio_{light}": found["ratio"],
+            }
+        )
     both = statistics(fused)
     out.metrics(
         fused_center_p95_mm=both["center_p95_mm"],
