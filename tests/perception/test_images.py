@@ -20,6 +20,7 @@ from perception import (
     compare_with_reference,
     detect_quads,
     detect_views,
+    find_tag_turns,
     fit_quad,
     unwarp,
 )
@@ -64,6 +65,7 @@ OF_COLORED = {
     "compare_with_reference": lambda image: bare(compare_with_reference)(image, COLORED),
     "References": lambda image: bare(References.compare)(REFERENCES, VIEW, image),
     "PaperRoute": lambda image: bare(PaperRoute.corners)(PaperRoute(), image),
+    "find_tag_turns": lambda image: bare(find_tag_turns)(image, 2),
 }
 OF_ANY_CHANNELS = {
     "detect_quads": lambda image: bare(detect_quads)(image, LENS),
