@@ -130,7 +130,7 @@ def _are_halves(one: Blob, other: Blob) -> bool:
 
 def _levels(gray: Gray) -> list[float]:
     """Thresholds from just above the background to full scale."""
-    # Every fourth row is enough to know the background by.
+    # Every fourth row shows the background as well as all of them do.
     counts = cv2.calcHist([gray[::4]], [0], None, [256], [0, 256]).ravel().astype(int)
     values = np.arange(256)
     middle = _median(values, counts)

@@ -58,7 +58,7 @@ LONGER = 0.15
 """A view that is longer by no more than this share has run into what is beside it."""
 
 Follow = Callable[[Sequence[Float[np.ndarray, "4 2"]], int | None], list[Quad | None]]
-"""The quadrilateral whose corners are expected at given places; with a seam at an end, or not."""
+"""The quadrilaterals whose corners are expected at given places; with a seam at an end, or not."""
 
 FOUND = (Quality.COMPLETE, Quality.CLIPPED)
 """Views with these qualities are not looked for again."""

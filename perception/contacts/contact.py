@@ -1,4 +1,4 @@
-"""What is known of a contact, from one view of its pad or from several."""
+"""A contact: its place and size, from one view of its pad or from several."""
 
 from __future__ import annotations
 

@@ -365,7 +365,7 @@ class _Problem:
         return model.lit / deviation**2 / (1 + off**2)
 
     def fitted(self, point: Parameters, model: _Model, solved: _Solved) -> Fit:
-        """What is known at the end of a fit."""
+        """The result at the end of a fit, with its covariance."""
         part, weight = self._samples.part, model.lit / self._samples.deviation**2
         mean = np.sum(weight * part, axis=0) / (np.sum(weight, axis=0) + TINY)
         total = float(np.sum(weight * (part - mean) ** 2))

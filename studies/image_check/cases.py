@@ -118,6 +118,11 @@ class Finger(NamedTuple):
     lens: WideLens | None = None
 
 
+def pose_of(angles: Float[np.ndarray, " joints"]) -> dict[str, float]:
+    """Joint angles by their names, degrees."""
+    return dict(zip(("pip", "dip"), angles.tolist(), strict=True))
+
+
 def nominal(layers: str) -> dict[str, Any]:
     """Tables of the bare finger with layers on its pads, plain numbers and lists."""
     tables = json.loads(json.dumps(scene_tables(bare_finger().scene())))

@@ -46,6 +46,7 @@ from studies.image_check.cases import (
     in_deviations,
     nominal,
     plain,
+    pose_of,
     with_lamps,
     without_layers,
 )
@@ -112,7 +113,7 @@ def run(spec: ImageCheckSpec, context: Context) -> Results:
             layers = finger.layers
         with context.step(f"finger {finger.number}: {finger.light}, layers: {finger.layers}"):
             photos = [
-                photograph(finger.tables, finger.errors, _pose(angles), capture, number, folder)
+                photograph(finger.tables, finger.errors, pose_of(angles), capture, number, folder)
                 for number, (angles, capture) in enumerate(
                     zip(finger.poses, finger.captures, strict=True)
                 )
@@ -124,10 +125,6 @@ def run(spec: ImageCheckSpec, context: Context) -> Results:
     add_tables(out, found)
     add_figures(out, found)
     return out.results()
-
-
-def _pose(angles: Float[np.ndarray, " joints"]) -> dict[str, float]:
-    return dict(zip(("pip", "dip"), angles.tolist(), strict=True))
 
 
 class Findings:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
-from studies.image_check.cases import COUPLED, EVEN, GAMMA, GAP, nominal
+from studies.image_check.cases import COUPLED, EVEN, GAMMA, GAP, Finger, nominal
 from studies.models.sensor.poses import spread_angles
 from studies.models.sensor.spec import WIDTH
 from studies.oracles.judge.capture import Capture
@@ -47,28 +46,6 @@ TRIES = 200
 
 HEIGHTS = 12
 """On a lamp: the light of what is lifted by more than a millimeter has no steps to see."""
-
-
-class Finger(NamedTuple):
-    """One fabricated finger.
-
-    Attributes:
-        number: of it.
-        light: how its frames are lit.
-        layers: name of what lies on its pads.
-        tables: of its scene's file as the judge takes it: to that a wall with a lamp is clear.
-        errors: as the judge has drawn them; perception never gets them.
-        poses: joint angles of its frames, degrees: references, untouched ones, pressed ones.
-        captures: of its frames.
-    """
-
-    number: int
-    light: str
-    layers: str
-    tables: dict[str, Any]
-    errors: dict[str, Any]
-    poses: Float[np.ndarray, "frames joints"]
-    captures: list[Capture]
 
 
 def fingers(spec: ContactCheckSpec, deviations: Mapping[str, Any], seed: int) -> Iterator[Finger]:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import UInt8
 
 from designopt import Context, Records, Report, Results
 from designopt.study import plots
@@ -19,17 +19,18 @@ from optics.rendering import Effects
 from perception import View
 from perception.contacts import Contact, Lamp, find_contacts, fuse_contacts
 from perception.places import Sight, find_sight
-from studies.image_check.cases import EVEN, nominal, plain, with_lamps
+from studies.image_check.cases import EVEN, Finger, nominal, plain, pose_of, with_lamps
 from studies.models.one_thread import one_thread
 from studies.models.path_tracer import require_mitsuba
 from studies.models.sensor.finger_sensor import FingerSensor
+from studies.models.sensor.light import LampTable, LightTable
 from studies.models.sensor.made import deviations_of
 from studies.models.sensor.spec import WIDTH
 from studies.oracles.judge import contacts as judge
 from studies.oracles.judge.photograph import photograph
 from studies.oracles.judge.solids import FOOT, GAP, TOP
 from studies.physical_check.contacts import ContactCheckSpec
-from studies.physical_check.contacts.cases import Finger, fingers
+from studies.physical_check.contacts.cases import fingers
 
 FOLDER = "physical-check-contacts"
 """Of pictures, in the user's cache."""
@@ -112,11 +113,6 @@ def report(
     return out.results()
 
 
-def pose_of(angles: Float[np.ndarray, " joints"]) -> dict[str, float]:
-    """Joint angles by their names, degrees."""
-    return dict(zip(("pip", "dip"), angles.tolist(), strict=True))
-
-
 def sensor_of(spec: ContactCheckSpec, light: str, layers: str) -> FingerSensor:
     """The finger as designed, seen through its layers or past its lamps."""
     lamps = light != EVEN and layers == "none"
@@ -129,16 +125,14 @@ def lamps_of(finger: Finger, pad: str) -> list[Lamp | None]:
     if finger.light == EVEN:
         return []
     (own,) = (one for one in finger.tables["pads"] if one["name"] == pad)
-    length, half = math.dist(own["from"], own["to"]), WIDTH / 2
     thickness = sum(layer["thickness"] for layer in own.get("layers", []))
     # The surface of layers mirrors their lamp; across the section their walls are black.
     low, high, gap = (0.0, 2 * thickness, 0.0) if thickness else (FOOT, TOP, GAP)
-    red, blue = (
-        Lamp((0.0, side * (half + gap)), (length, side * (half + gap)), low, high)
-        for side in (1, -1)
+    red, green, blue = (
+        LampTable(beside=side, gap=gap, low=low, high=high) for side in ("right", "from", "left")
     )
-    green = Lamp((-gap, -half), (-gap, half), low, high)
-    return [red, None if thickness else green, blue]
+    light = LightTable(red=red, green=None if thickness else green, blue=blue)
+    return light.lamps(math.dist(own["from"], own["to"]), WIDTH)
 
 
 def see(sensor: FingerSensor, pixels: UInt8[np.ndarray, "rows columns 3"]) -> list[Seen]:
