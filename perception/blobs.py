@@ -9,6 +9,7 @@ these are kept in its place.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -60,6 +61,12 @@ class Blob:
     contour: Int[np.ndarray, "_ 2"]
     area: float
 
+    @functools.cached_property
+    def box(self) -> tuple[int, int, int, int]:
+        """Its first column and row, and those behind its last."""
+        left, top, width, height = cv2.boundingRect(self.contour)
+        return left, top, left + width, top + height
+
 
 @dataclass
 class _Node:
@@ -86,10 +93,15 @@ def stable_blobs(gray: Gray) -> list[Blob]:
     least = LEAST_AREA * gray.size
     for level in levels:
         nodes = [_Node(blob) for blob in _blobs(opened, level, corner, least)]
+        if not nodes:
+            break
         for node in nodes:
             parent = next((other for other in previous if _holds(other.blob, node.blob)), None)
             (roots if parent is None else parent.children).append(node)
         previous = nodes
+        # What is brighter still lies within these.
+        columns, rows = _extent([node.blob for node in nodes], corner)
+        opened, corner = opened[rows, columns], (corner[0] + columns.start, corner[1] + rows.start)
     return [blob for root in roots for blob in _best(root)[0]]
 
 
@@ -117,15 +129,12 @@ def join_halves(blobs: list[Blob]) -> list[Blob]:
 
 def _are_halves(one: Blob, other: Blob) -> bool:
     """Whether two blobs are beside each other, with about the same rows and area."""
-    (left, top), (right, bottom) = one.contour.min(axis=0), one.contour.max(axis=0)
-    (other_left, other_top), (other_right, other_bottom) = (
-        other.contour.min(axis=0),
-        other.contour.max(axis=0),
-    )
-    apart = right < other_left or other_right < left
+    left, top, right, bottom = one.box
+    other_left, other_top, other_right, other_bottom = other.box
+    apart = right <= other_left or other_right <= left
     off = max(abs(top - other_top), abs(bottom - other_bottom))
     alike = other.area < AREAS * one.area and one.area < AREAS * other.area
-    return bool(apart and alike and off < UNEVEN * (bottom - top))
+    return bool(apart and alike and off < UNEVEN * (bottom - 1 - top))
 
 
 def _levels(gray: Gray) -> list[float]:
@@ -180,9 +189,21 @@ def _blobs(gray: Gray, level: float, corner: tuple[int, int], least: float) -> l
     ][:MOST]
 
 
+def _extent(blobs: Sequence[Blob], corner: tuple[int, int]) -> tuple[slice, slice]:
+    """Columns and rows of some blobs, from a part's first pixel on."""
+    left, top, right, bottom = np.array([blob.box for blob in blobs]).T
+    return (
+        slice(left.min() - corner[0], right.max() - corner[0]),
+        slice(top.min() - corner[1], bottom.max() - corner[1]),
+    )
+
+
 def _holds(outer: Blob, inner: Blob) -> bool:
-    point = inner.contour[0]
-    return cv2.pointPolygonTest(outer.contour, (float(point[0]), float(point[1])), False) >= 0
+    column, row = map(float, inner.contour[0])
+    left, top, right, bottom = outer.box
+    if not (left <= column < right and top <= row < bottom):
+        return False
+    return cv2.pointPolygonTest(outer.contour, (column, row), False) >= 0
 
 
 def _best(node: _Node) -> tuple[list[Blob], float]:
