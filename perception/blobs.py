@@ -96,7 +96,7 @@ def stable_blobs(gray: Gray) -> list[Blob]:
         if not nodes:
             break
         for node in nodes:
-            parent = next((other for other in previous if _holds(other.blob, node.blob)), None)
+            parent = _parent(node, previous)
             (roots if parent is None else parent.children).append(node)
         previous = nodes
         # What is brighter still lies within these.
@@ -191,18 +191,29 @@ def _blobs(gray: Gray, level: float, corner: tuple[int, int], least: float) -> l
 
 def _extent(blobs: Sequence[Blob], corner: tuple[int, int]) -> tuple[slice, slice]:
     """Columns and rows of some blobs, from a part's first pixel on."""
-    left, top, right, bottom = np.array([blob.box for blob in blobs]).T
+    left, top, right, bottom = zip(*(blob.box for blob in blobs), strict=True)
     return (
-        slice(left.min() - corner[0], right.max() - corner[0]),
-        slice(top.min() - corner[1], bottom.max() - corner[1]),
+        slice(min(left) - corner[0], max(right) - corner[0]),
+        slice(min(top) - corner[1], max(bottom) - corner[1]),
     )
 
 
+def _parent(node: _Node, previous: Sequence[_Node]) -> _Node | None:
+    """Which of the blobs of the threshold below holds one; ``None`` where none does."""
+    column, row, _, _ = node.blob.box
+    around = [
+        other
+        for other in previous
+        if other.blob.box[0] <= column < other.blob.box[2]
+        and other.blob.box[1] <= row < other.blob.box[3]
+    ]
+    if len(around) == 1:
+        return around[0]
+    return next((other for other in around if _holds(other.blob, node.blob)), None)
+
+
 def _holds(outer: Blob, inner: Blob) -> bool:
-    column, row = map(float, inner.contour[0])
-    left, top, right, bottom = outer.box
-    if not (left <= column < right and top <= row < bottom):
-        return False
+    column, row = inner.contour[0].tolist()
     return cv2.pointPolygonTest(outer.contour, (column, row), False) >= 0
 
 

@@ -8,7 +8,8 @@ where the brightness crosses half of its step, and corners are where these lines
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping, Sequence
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -18,23 +19,13 @@ from jaxtyping import Bool, Float, Int
 
 from perception.images import checked_brightness
 from perception.lens import Lens, TangentPlane
+from perception.lines import Lines, fit_lines
 from perception.masks import Mask
 from perception.quality import Quality
-from perception.sides import (
-    FEET,
-    LEAST_CONTRAST,
-    REACH,
-    SMALL,
-    Edges,
-    Line,
-    Outline,
-    Side,
-    find_all_edges,
-    fit_all_lines,
-)
+from perception.sides import FEET, LEAST_CONTRAST, REACH, SMALL, Sides, find_edges
 
-INNER, HEIGHTS = (0.15, 0.85), 12
-"""Heights at which a contour's outermost points give its sides at first, and how many."""
+HEIGHTS = np.linspace(0.15, 0.85, 12)
+"""Parts of a contour's height at which its outermost points give its sides at first."""
 
 LEAST_RISE = 0.01
 """A side that rises less over its length is none."""
@@ -56,6 +47,9 @@ sides are blurred where a view is; the edge of one may be a gradient of light.""
 CLEAR = 0.5
 """Other sides' edges are clear of at least this part of every side: a line through less of it would
 be extended to a corner by more than its own length."""
+
+PRECEDING, FOLLOWING = [3, 0, 1, 2], [1, 2, 3, 0]
+"""Of each side, or corner, the one before it and the one behind it."""
 
 ENDS_OF_SIDES = (None, 1, None, 0)
 """Which end of a view each side from corner to corner is, in the order of `Quad`, if any."""
@@ -138,18 +132,13 @@ def fit_quads(
     lamps: Mask | None = None,
 ) -> list[Quad | None]:
     """As `fit_quad`, of several contours at once, which takes half of the time."""
-    found: list[Quad | None] = [None] * len(contours)
-    searches = {}
-    for number, contour in enumerate(contours):
-        checked_brightness(gray, lens.shape, contour)
+    starts: list[_Start | None] = []
+    for contour in contours:
         rays = lens.pixel_rays(contour)
         plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
         corners = first_corners(plane.flat(rays))
-        if corners is not None:
-            searches[number] = _settling(lens, plane, corners, contour, gray.shape)
-    for number, quad in _settled(gray, lens, searches, lamps).items():
-        found[number] = quad
-    return found
+        starts.append(None if corners is None else _Start(plane.angle, corners, contour))
+    return _settled(gray, lens, starts, lamps)
 
 
 def follow_quads(
@@ -182,95 +171,191 @@ def follow_quads(
         >>> quad.corners.round(1).tolist()
         [[29.7, 69.5], [29.7, 19.5], [89.3, 19.5], [89.3, 69.5]]
     """
-    found: list[Quad | None] = [None] * len(expected)
-    side = None if beside is None else ENDS_OF_SIDES.index(beside)
-    searches = {}
-    for number, corners in enumerate(expected):
+    starts: list[_Start | None] = []
+    limits = np.array(gray.shape[::-1]) - 1
+    for corners in expected:
         rays = lens.rays(corners)
         plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
         flat = plane.flat(rays)
-        if _is_convex(flat):
-            outline = np.clip(np.round(corners).astype(int), 0, np.array(gray.shape[::-1]) - 1)
-            checked_brightness(gray, lens.shape, outline)
-            searches[number] = _settling(lens, plane, flat, outline, gray.shape, side)
-    for number, quad in _settled(gray, lens, searches, lamps).items():
-        found[number] = quad
-    return found
+        if not _are_convex(flat):
+            starts.append(None)
+            continue
+        outline = np.clip(np.round(corners).astype(int), 0, limits)
+        starts.append(_Start(plane.angle, flat, outline))
+    return _settled(gray, lens, starts, lamps, beside)
+
+
+class _Start(NamedTuple):
+    """Where a view is looked for first.
+
+    Attributes:
+        angle: of the tangent plane.
+        corners: in that plane, in the order of a `Quad`.
+        contour: pixels around it.
+    """
+
+    angle: float
+    corners: Float[np.ndarray, "4 2"]
+    contour: Int[np.ndarray, "_ 2"]
+
+
+class _Fits(NamedTuple):
+    """What was found of several views, last.
+
+    Attributes:
+        corners: where the lines through the sides' edges meet.
+        is_outline: whether they go around something.
+        outward: of the sides, as they were before.
+        first: variances of the lines where sides begin (`Lines.variances`).
+        last: where they end.
+        scatter: of the edges.
+        contrast: of the edges, as the rest.
+        width: px.
+        clear: part of a side.
+        lit: by lamps.
+        seam: to another view.
+    """
+
+    corners: Float[np.ndarray, "views 4 2"]
+    is_outline: Bool[np.ndarray, " views"]
+    outward: Float[np.ndarray, "views 4 2"]
+    first: Float[np.ndarray, "views 4 2"]
+    last: Float[np.ndarray, "views 4 2"]
+    scatter: Float[np.ndarray, "views 4"]
+    contrast: Float[np.ndarray, "views 4"]
+    width: Float[np.ndarray, "views 4"]
+    clear: Float[np.ndarray, "views 4"]
+    lit: Bool[np.ndarray, "views 4"]
+    seam: Bool[np.ndarray, "views 4"]
+
+    @classmethod
+    def of(
+        cls, gray: Float[np.ndarray, "rows columns"], lens: Lens, sides: Sides, lamps: Mask | None
+    ) -> _Fits:
+        """What is found at sides."""
+        edges = find_edges(gray, lens, sides, lamps)
+        lines = fit_lines(edges)
+        corners = _meeting(sides, lines)
+        return cls(
+            corners,
+            _are_convex(corners),
+            sides.outward,
+            lines.variances(0.0),
+            lines.variances(1.0),
+            lines.scatter,
+            edges.contrast,
+            edges.width,
+            edges.clear,
+            edges.lit,
+            edges.seam,
+        )
 
 
 def _settled(
     gray: Float[np.ndarray, "rows columns"],
     lens: Lens,
-    searches: Mapping[int, _Search],
+    starts: Sequence[_Start | None],
     lamps: Mask | None,
-) -> dict[int, Quad | None]:
-    """The views that searches end with; what they ask for is found for all of them together."""
+    beside: int | None = None,
+) -> list[Quad | None]:
+    """The views that are found from where they are looked for first, all of them in each round."""
+    found: list[Quad | None] = [None] * len(starts)
+    begun = [number for number, start in enumerate(starts) if start is not None]
+    if not begun:
+        return found
     lamps = lamps if lamps is not None and lamps.any() else None
-    asked = {number: next(search) for number, search in searches.items()}
-    found: dict[int, Quad | None] = {}
-    while asked:
-        outlines = list(asked.values())
-        edges = find_all_edges(gray, lens, outlines, lamps)
-        lines = fit_all_lines(edges)
-        for number, outline, own, through in zip(list(asked), outlines, edges, lines, strict=True):
-            try:
-                asked[number] = searches[number].send(_moved(outline, own, through))
-            except StopIteration as end:
-                del asked[number]
-                found[number] = end.value
+    angle, corners, contours = zip(*(one for one in starts if one is not None), strict=True)
+    angle, corners = np.array(angle), np.stack(corners)
+    adjoining = np.array([end is not None and end == beside for end in ENDS_OF_SIDES])
+    places, moved = lens.project(_rays(angle, corners)).reshape(-1, 4, 2), np.zeros(len(begun))
+    asked, latest = np.arange(len(begun)), None
+    for left in range(STEPS)[::-1]:
+        sides = Sides.between(angle[asked], corners, np.tile(adjoining, (len(asked), 1)))
+        fits = _Fits.of(gray, lens, sides, lamps)
+        if latest is None:
+            latest = fits
+        for every, part in zip(latest, fits, strict=True):
+            every[asked] = part
+        # A blotch, hardly there on any side, is not looked at more closely.
+        going = fits.is_outline & (fits.contrast.max(axis=1) >= LEAST_CONTRAST)
+        asked, corners = asked[going], fits.corners[going]
+        if not left or not asked.size:
+            break
+        now = lens.project(_rays(angle[asked], corners)).reshape(-1, 4, 2)
+        step, earlier = np.abs(now - places[asked]).max(axis=(1, 2)), moved[asked]
+        places[asked], moved[asked] = now, step
+        # Every round moves corners by about the same part of what the one before it has.
+        part = np.divide(step, earlier, out=np.ones(len(step)), where=earlier > 0)
+        far = step * np.minimum(part, 1.0) >= SETTLED
+        asked, corners = asked[far], corners[far]
+        if not asked.size:
+            break
+    assert latest is not None
+    whole = latest.is_outline & (latest.seam.any(axis=1) | (beside is None))
+    kept = _Fits(*(one[whole] for one in latest))
+    quads = _quads(lens, angle[whole], kept, list(itertools.compress(contours, whole)))
+    for number, quad in zip(itertools.compress(begun, whole), quads, strict=True):
+        found[number] = quad
     return found
 
 
-def _settling(
+def _quads(
     lens: Lens,
-    plane: TangentPlane,
-    corners: Float[np.ndarray, "4 2"],
-    contour: Int[np.ndarray, "_ 2"],
-    shape: tuple[int, ...],
-    beside: int | None = None,
-) -> _Search:
-    """The search for a view from its first corners in the tangent plane.
+    angle: Float[np.ndarray, " views"],
+    fits: _Fits,
+    contours: Sequence[Int[np.ndarray, "_ 2"]],
+) -> list[Quad]:
+    """The views that were found.
 
-    It asks for the edges of sides, is sent the outline that lies on them (or ``None``), and returns
-    the view.
+    Args:
+        lens: of the camera.
+        angle: of their tangent planes.
+        fits: of their sides.
+        contours: pixels around each.
     """
+    # How a corner's place in the image moves with it in the plane, by differences.
+    steps = SMALL * np.stack([[0.0, 0.0], RIGHT, UP])[:, None, None]
+    rays = _rays(np.tile(angle, 3), (fits.corners + steps).reshape(-1, 4, 2))
+    at, right, up = lens.project(rays).reshape(3, -1, 4, 2)
+    to_image = np.stack([right - at, up - at], axis=-1) / SMALL
+    # Of the side that ends in each corner, and of the one that begins there.
+    normals = np.stack([fits.outward[:, PRECEDING], fits.outward], axis=2)
+    variances = np.stack([fits.last[:, PRECEDING], fits.first], axis=2)
+    to_plane = to_image @ np.linalg.inv(normals)
+    covariance, roughness = (
+        (to_plane * variances[..., None, :, part]) @ np.swapaxes(to_plane, -1, -2)
+        for part in range(2)
+    )
+    rays = rays.reshape(3, -1, 4, 2)[0]
+    rows, columns = (size - 1 - NEAR_BORDER for size in lens.shape)
+    quads = []
+    for i, contour in enumerate(contours):
+        contrast, scatter = float(fits.contrast[i].min()), float(fits.scatter[i].max())
+        left, top, width, height = cv2.boundingRect(contour.astype(np.int32))
+        cut = min(left, top) <= NEAR_BORDER or left + width > columns or top + height > rows
+        quality = Quality.COMPLETE
+        # A lamp across an end may be before it, and hide a part of the pad.
+        if cut or fits.lit[i, 1::2].any():
+            quality = Quality.CLIPPED
+        elif contrast < LEAST_CONTRAST:
+            quality = Quality.LOW_CONTRAST
+        elif np.sort(fits.width[i])[-2] > WIDEST or fits.clear[i].min() < CLEAR:
+            quality = Quality.BLURRED
+        elif not np.isfinite(scatter):
+            quality = Quality.LOW_CONTRAST
+        area = float(cv2.contourArea(contour))
+        covariances = covariance[i], roughness[i]
+        quads.append(Quad(rays[i], at[i], *covariances, area, contrast, scatter, quality))
+    return quads
 
-    def sides_of(corners: Float[np.ndarray, "4 2"]) -> Outline:
-        sides = [Side(corners[i], corners[(i + 1) % 4]) for i in range(4)]
-        return Outline(plane, sides, beside)
 
-    places, moved = lens.project(plane.rays(corners)), 0.0
-    found = yield sides_of(corners)
-    for _ in range(STEPS - 1):
-        # A blotch, hardly there on any side, is not looked at more closely.
-        if found is None or found.edges.contrast.max() < LEAST_CONTRAST:
-            break
-        before, earlier, places = places, moved, lens.project(plane.rays(found.corners))
-        moved = float(np.abs(places - before).max())
-        # Every round moves corners by about the same part of what the one before it has.
-        if moved * (min(moved / earlier, 1.0) if earlier else 1.0) < SETTLED:
-            break
-        found = yield sides_of(found.corners)
-    if found is None or (beside is not None and not found.edges.seam):
-        return None
-    rays = plane.rays(found.corners)
-    rows, columns = shape
-    border = (contour <= NEAR_BORDER) | (contour >= np.array([columns, rows]) - 1 - NEAR_BORDER)
-    contrast = float(found.edges.contrast.min())
-    scatter = max(line.scatter for line in found.lines)
-    quality = Quality.COMPLETE
-    # A lamp across an end may be before it, and hide a part of the pad.
-    if border.any() or found.edges.lit[1::2].any():
-        quality = Quality.CLIPPED
-    elif contrast < LEAST_CONTRAST:
-        quality = Quality.LOW_CONTRAST
-    elif np.sort(found.edges.width)[-2] > WIDEST or found.edges.clear.min() < CLEAR:
-        quality = Quality.BLURRED
-    elif not np.isfinite(scatter):
-        quality = Quality.LOW_CONTRAST
-    area = float(cv2.contourArea(contour))
-    covariances = _covariances(lens, plane, found)
-    return Quad(rays, lens.project(rays), *covariances, area, contrast, scatter, quality)
+def _rays(
+    angle: Float[np.ndarray, " views"], corners: Float[np.ndarray, "views 4 2"]
+) -> Float[np.ndarray, "corners 2"]:
+    """Of corners in the tangent planes at some angles, one view after the other."""
+    rays = TangentPlane(0.0).rays(corners.reshape(-1, 2))
+    rays[:, 0] += np.repeat(angle, 4)
+    return rays
 
 
 def first_corners(flat: Float[np.ndarray, "_ 2"]) -> Float[np.ndarray, "4 2"] | None:
@@ -279,25 +364,24 @@ def first_corners(flat: Float[np.ndarray, "_ 2"]) -> Float[np.ndarray, "4 2"] | 
     So is every pad in an extruded scene. Its sides are lines through the outermost points of the
     contour at several heights, which also finds views of few pixels' height and acute corners.
     """
-    low, high = flat[:, 1].min(), flat[:, 1].max()
+    low, high = float(flat[:, 1].min()), float(flat[:, 1].max())
     if not high > low:
         return None
-    heights = low + (high - low) * np.linspace(*INNER, HEIGHTS)
+    heights = low + (high - low) * HEIGHTS
     crossings = _outermost(flat, heights)
     if crossings is None:
         return None
     sides = []
-    for outermost in crossings.T:
+    for outermost in crossings:
         # In units that suit single precision.
-        points = np.stack([outermost, heights], axis=-1) / (high - low)
-        middle = points.mean(axis=0)
-        line = cv2.fitLine((points - middle).astype(np.float32), cv2.DIST_HUBER, 0, 1e-3, 1e-3)
-        right, up, x, y = line.ravel().astype(float)
+        middle = float(outermost.sum()) / len(heights)
+        points = np.stack([(outermost - middle) / (high - low), HEIGHTS], axis=-1)
+        line = cv2.fitLine(points.astype(np.float32), cv2.DIST_HUBER, 0, 1e-3, 1e-3)
+        right, up, x, y = line.ravel().tolist()
         if abs(up) < LEAST_RISE:
             return None
-        ends = np.array([low, high]) / (high - low) - middle[1]
-        sides.append((middle[0] + x + right / up * (ends - y)) * (high - low))
-    (left_low, left_high), (right_low, right_high) = sides
+        sides += [middle + (high - low) * (x + right / up * (end - y)) for end in (0.0, 1.0)]
+    left_low, left_high, right_low, right_high = sides
     if not (left_low < right_low and left_high < right_high):
         return None
     return np.array([[left_low, low], [left_high, high], [right_high, high], [right_low, low]])
@@ -312,86 +396,38 @@ def ordered(corners: Float[np.ndarray, "4 2"]) -> Float[np.ndarray, "4 2"]:
 
 def _outermost(
     contour: Float[np.ndarray, "_ 2"], heights: Float[np.ndarray, " heights"]
-) -> Float[np.ndarray, "heights 2"] | None:
+) -> Float[np.ndarray, "2 heights"] | None:
     """Where a closed contour crosses each of some heights first and last, if it crosses all."""
-    following = np.roll(contour, -1, axis=0)
-    below = contour[:, 1] <= heights[:, None]
-    at, starts = np.nonzero(below != np.roll(below, -1, axis=1))
-    start, end = contour[starts], following[starts]
+    closed = np.concatenate([contour, contour[:1]])
+    below = closed[:, 1] <= heights[:, None]
+    at, starts = np.nonzero(below[:, 1:] != below[:, :-1])
+    start, end = closed[starts], closed[starts + 1]
     part = (heights[at] - start[:, 1]) / (end[:, 1] - start[:, 1])
     across = start[:, 0] + part * (end[:, 0] - start[:, 0])
-    found = np.tile([np.inf, -np.inf], (len(heights), 1))
-    np.minimum.at(found[:, 0], at, across)
-    np.maximum.at(found[:, 1], at, across)
+    found = np.array([[np.inf], [-np.inf]]).repeat(len(heights), axis=1)
+    np.minimum.at(found[0], at, across)
+    np.maximum.at(found[1], at, across)
     return found if np.isfinite(found).all() else None
 
 
-class _Fitted(NamedTuple):
-    """A quadrilateral whose sides have been moved onto their edges.
+def _meeting(sides: Sides, lines: Lines) -> Float[np.ndarray, "views 4 2"]:
+    """Where neighbouring sides meet when they have moved onto their lines; NaN where they do not.
 
-    Attributes:
-        sides: as they were.
-        edges: that were found across them.
-        lines: through these.
-        corners: where the lines meet.
+    Corner i is that of sides i - 1 and i.
     """
-
-    sides: list[Side]
-    edges: Edges
-    lines: list[Line]
-    corners: Float[np.ndarray, "4 2"]
-
-
-_Search = Generator[Outline, _Fitted | None, Quad | None]
-
-
-def _moved(outline: Outline, edges: Edges, lines: list[Line]) -> _Fitted | None:
-    """An outline whose sides are moved onto their lines; ``None`` where these do not meet."""
-    corners = _meeting(outline.sides, lines)
-    return None if corners is None else _Fitted(outline.sides, edges, lines, corners)
+    start = sides.start + lines.at(0.0)[..., None] * sides.outward
+    way = sides.end + lines.at(1.0)[..., None] * sides.outward - start
+    before, first = start[:, PRECEDING], way[:, PRECEDING]
+    apart = start - before
+    across = first[..., 0] * way[..., 1] - first[..., 1] * way[..., 0]
+    across = np.where(np.abs(across) < 1e-12, np.nan, across)
+    part = (apart[..., 0] * way[..., 1] - apart[..., 1] * way[..., 0]) / across
+    return before + part[..., None] * first
 
 
-def _meeting(sides: list[Side], lines: list[Line]) -> Float[np.ndarray, "4 2"] | None:
-    """Where neighbouring sides meet when they have moved onto their lines."""
-    ends = [
-        (side.start + line.at(0.0) * side.outward, side.end + line.at(1.0) * side.outward)
-        for side, line in zip(sides, lines, strict=True)
-    ]
-    corners = []
-    for i in range(4):
-        (a, b), (c, d) = ends[i - 1], ends[i]
-        first, second = b - a, d - c
-        across = first[0] * second[1] - first[1] * second[0]
-        if abs(across) < 1e-12:
-            return None
-        part = ((c - a)[0] * second[1] - (c - a)[1] * second[0]) / across
-        corners.append(a + part * first)
-    found = np.stack(corners)
-    return found if _is_convex(found) else None
-
-
-def _is_convex(corners: Float[np.ndarray, "4 2"]) -> bool:
+def _are_convex(corners: Float[np.ndarray, "*views 4 2"]) -> Bool[np.ndarray, "*views"]:
     """Whether four corners, in the order of a `Quad`, go clockwise around something."""
-    sides = np.roll(corners, -1, axis=0) - corners
-    following = np.roll(sides, -1, axis=0)
-    turns = sides[:, 0] * following[:, 1] - sides[:, 1] * following[:, 0]
-    return bool(np.isfinite(corners).all() and (turns < -FLAT).all())
-
-
-def _covariances(
-    lens: Lens, plane: TangentPlane, outline: _Fitted
-) -> tuple[Float[np.ndarray, "4 2 2"], Float[np.ndarray, "4 2 2"]]:
-    """Covariance of every corner's place in the image, and the part that is roughness, px²."""
-    corners, sides, lines = outline.corners, outline.sides, outline.lines
-    moved = np.concatenate([corners, corners + SMALL * RIGHT, corners + SMALL * UP])
-    at, right, up = np.split(lens.project(plane.rays(moved)), 3)
-    to_image = np.stack([right - at, up - at], axis=-1) / SMALL
-    outward = np.stack([side.outward for side in sides])
-    normals = np.stack([np.roll(outward, 1, axis=0), outward], axis=1)
-    # Of the side that ends in each corner, and of the one that begins there.
-    variances = np.array([(lines[i - 1].variances(1.0), lines[i].variances(0.0)) for i in range(4)])
-    to_plane = to_image @ np.linalg.inv(normals)
-    covariance, roughness = (
-        (to_plane * variances[:, None, :, part]) @ np.swapaxes(to_plane, 1, 2) for part in range(2)
-    )
-    return covariance, roughness
+    sides = corners[..., FOLLOWING, :] - corners
+    following = sides[..., FOLLOWING, :]
+    turns = sides[..., 0] * following[..., 1] - sides[..., 1] * following[..., 0]
+    return np.isfinite(corners).all(axis=(-1, -2)) & (turns < -FLAT).all(axis=-1)
