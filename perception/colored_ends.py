@@ -11,11 +11,14 @@ from jaxtyping import Bool, Float, UInt8
 
 from perception.lengths import ENDS
 from perception.lens import Lens, TangentPlane
+from perception.medians import median
 from perception.sampling import sampled
 from perception.sides import TRIMMED
 
 PLACES = 24
 """Along an end, but for its trimmed parts."""
+
+SHARES = np.linspace(TRIMMED, 1 - TRIMMED, PLACES)[:, None]
 
 INWARD, OUTWARD, FEWEST = 14, 6, 6
 """How far light is looked at from an end, px: inward over at most half of the view, and over at
@@ -55,24 +58,27 @@ def find_colors_apart(
     """
     plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
     flat = plane.flat(rays)
-    shares = np.linspace(TRIMMED, 1 - TRIMMED, PLACES)[:, None]
-    ends = [flat[left] + shares * (flat[right] - flat[left]) for left, right in ENDS]
-    at = np.split(lens.project(plane.rays(np.concatenate(ends))), 2)
-    lengths = np.hypot(*(at[1] - at[0]).T)
-    inward = int(min(INWARD, lengths.min() / 2))
-    apart = np.zeros(2, bool)
+    left, right = (flat[list(corners), None] for corners in zip(*ENDS, strict=True))
+    places = lens.project(plane.rays((left + SHARES * (right - left)).reshape(-1, 2)))
+    places = places.reshape(2, PLACES, 2)
+    beyond = places - places[::-1]
+    inward = int(min(INWARD, np.hypot(beyond[0, :, 0], beyond[0, :, 1]).min() / 2))
     if inward < FEWEST:
-        return apart
+        return np.zeros(2, bool)
+    across = places[:, -1] - places[:, 0]
+    normals = np.stack([-across[:, 1], across[:, 0]], axis=-1)
+    normals /= np.copysign(np.hypot(*across.T), np.sum(beyond.sum(axis=1) * normals, axis=1))[
+        :, None
+    ]
     along = np.arange(-inward, OUTWARD + 1)
-    for end, (places, others) in enumerate(zip(at, at[::-1], strict=True)):
-        across = places[-1] - places[0]
-        normal = np.array([-across[1], across[0]]) / np.hypot(*across)
-        outward = normal * np.sign((places - others).mean(axis=0) @ normal)
-        light = sampled(picture, places[:, None] + along[:, None] * outward)
-        profiles = np.sort(light, axis=0)[PLACES // 2 - 1 : PLACES // 2 + 1].mean(axis=0)
-        inside = np.median(profiles[: inward // 3], axis=0)
-        outside = profiles[along > 0].min(axis=0)
-        below = profiles < (inside + outside) / 2
-        first_below = along[np.argmax(below, axis=0)] - 0.5
-        apart[end] = np.any((np.abs(first_below) > APART) & (inside - outside >= CONTRAST))
-    return apart
+    light = sampled(
+        picture,
+        (places[:, :, None] + along[:, None] * normals[:, None, None]).reshape(-1, len(along), 2),
+    )
+    # By end and color, along the normal.
+    profiles = median(light.reshape(2, PLACES, len(along), 3).transpose(0, 3, 2, 1))
+    inside = median(profiles[..., : inward // 3])
+    outside = profiles[..., inward + 1 :].min(axis=2)
+    below = profiles < (inside + outside)[..., None] / 2
+    first_below = along[np.argmax(below, axis=2)] - 0.5
+    return np.any((np.abs(first_below) > APART) & (inside - outside >= CONTRAST), axis=1)

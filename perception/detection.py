@@ -28,7 +28,7 @@ predicted."""
 
 Light = Float[np.ndarray, "rows columns"]
 Fits = list[Quad | None]
-Fit = Callable[[Light, Lens, Sequence[np.ndarray], Mask], Fits]
+Fit = Callable[[Light, Lens, Sequence[np.ndarray], Mask | None], Fits]
 
 BLOOM = 3
 """A lamp's light spreads over so many pixels beside it, which are no part of a pad."""
@@ -70,14 +70,14 @@ class _Light(NamedTuple):
         codes: brightest color of every pixel, 8 bits.
         brightest: light of that color.
         green: light in green; ``None`` if the image has one channel.
-        lamps: lamps in view.
+        lamps: lamps in view, if any are.
     """
 
     picture: np.ndarray
     codes: Gray
     brightest: Float[np.ndarray, "rows columns"]
     green: Float[np.ndarray, "rows columns"] | None
-    lamps: Mask
+    lamps: Mask | None
 
     @classmethod
     def of(cls, image: object, lens: Lens) -> _Light:
@@ -91,11 +91,13 @@ class _Light(NamedTuple):
         green = None
         if picture.ndim == 3:
             green = lens.light(np.ascontiguousarray(picture[..., CHANNEL]))
-        return cls(picture, gray, lens.light(gray), green, lamp_mask(picture, gray))
+        lamps = lamp_mask(picture, gray)
+        return cls(picture, gray, lens.light(gray), green, lamps if lamps.any() else None)
 
     def quads(self, lens: Lens) -> list[Quad]:
         """All quadrilaterals, from the image's top to its bottom."""
-        blobs = join_halves(stable_blobs(without_lamps(self.codes, self.lamps, BLOOM)))
+        codes = self.codes if self.lamps is None else without_lamps(self.codes, self.lamps, BLOOM)
+        blobs = join_halves(stable_blobs(codes))
         found = self.fit(lens, fit_quads, [blob.contour for blob in blobs])
         quads = [quad for quad in found if quad is not None]
         return sorted(quads, key=lambda quad: float(quad.corners[:, 1].mean()))

@@ -7,6 +7,7 @@ and from two that run into one.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +25,10 @@ LEAST_DEVIATION = 0.5
 STEP = 0.5
 """By which corners are moved to see how the length depends on them, px."""
 
+MOVES = STEP * np.array([[[0, 0]], [[1, 0]], [[0, 1]]])
+MOVED, CORNERS = np.arange(1, 9), np.tile(np.arange(4), 2)
+"""Of nine copies of four corners, in which one of them is moved, and which."""
+
 
 def measured_length(quad: Quad, width: float, lens: Lens) -> tuple[float, float]:
     """Length of a pad along the section as its view shows it, and its standard deviation, mm.
@@ -35,15 +40,15 @@ def measured_length(quad: Quad, width: float, lens: Lens) -> tuple[float, float]
         width: of the pad across the section, mm.
         lens: of the camera.
     """
-    places = quad.corners + STEP * np.array([[[0, 0]], [[1, 0]], [[0, 1]]])
-    unmoved, *moved = lens.rays(places.reshape(-1, 2)).reshape(places.shape)
-    # Every corner by itself is moved along the columns, and along the rows.
-    changed = np.tile(quad.rays, (2, 4, 1, 1))
-    changed[:, range(4), range(4)] += np.stack(moved) - unmoved
-    length = apparent_length(quad.rays, width)
-    slopes = (apparent_length(changed, width) - length) / STEP
-    variances = np.diagonal(quad.covariance, axis1=1, axis2=2).T + LEAST_DEVIATION**2
-    return float(length), float(np.sqrt(np.sum(slopes**2 * variances)))
+    places = quad.corners + MOVES
+    moved = lens.rays(places.reshape(-1, 2)).reshape(places.shape)
+    # Every corner by itself is moved along the columns, and along the rows; first, none is.
+    rays = np.tile(quad.rays, (9, 1, 1))
+    rays[MOVED, CORNERS] += (moved[1:] - moved[0]).reshape(-1, 2)
+    lengths = apparent_length(rays, width)
+    slopes = (lengths[1:] - lengths[0]) / STEP
+    variances = quad.covariance[:, [0, 1], [0, 1]].T.ravel() + LEAST_DEVIATION**2
+    return float(lengths[0]), math.sqrt(slopes**2 @ variances)
 
 
 def measured_grazing(quad: Quad, width: float) -> float:
@@ -117,10 +122,10 @@ def shortened(
 
 def _ends(rays: Float[np.ndarray, "*batch 4 2"], width: float) -> Float[np.ndarray, "*batch 2 2"]:
     """Both ends in the camera's own axes (forward, up), mm."""
-    left, right = (rays[..., list(corners), :] for corners in zip(*ENDS, strict=True))
+    left, right = rays[..., :2, :], rays[..., :1:-1, :]
     angles = (left[..., 0] + right[..., 0]) / 2
     distances = width / np.maximum(right[..., 1] - left[..., 1], 1e-9)
-    return distances[..., None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    return np.stack([distances * np.cos(angles), distances * np.sin(angles)], axis=-1)
 
 
 def apparent_length(
@@ -128,4 +133,5 @@ def apparent_length(
 ) -> Float[np.ndarray, "*batch"]:
     """Length of a bare pad whose corners, in the order of a `Quad` or of a pad, have these rays."""
     ends = _ends(rays, width)
-    return np.asarray(np.hypot(*np.moveaxis(ends[..., 1, :] - ends[..., 0, :], -1, 0)))
+    along = ends[..., 1, :] - ends[..., 0, :]
+    return np.hypot(along[..., 0], along[..., 1])

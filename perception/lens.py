@@ -59,14 +59,12 @@ class Lens:
 
     def rays(self, places: Places) -> Rays:
         """The rays through places in the image, interpolated between pixels."""
-        if not len(places):
-            return np.zeros((0, 2))
-        parts = np.array_split(places, -(-len(places) // MOST))
-        found = [
-            np.concatenate([sampled(one, part[:, None]) for one in self._planes], axis=1)
-            for part in parts
-        ]
-        return np.concatenate(found).astype(float)
+        found = np.empty((len(places), 2))
+        for start in range(0, len(places), MOST):
+            part = slice(start, start + MOST)
+            for axis, plane in enumerate(self._planes):
+                found[part, axis] = sampled(plane, places[part, None])[:, 0]
+        return found
 
     @functools.cached_property
     def _planes(self) -> list[Float[np.ndarray, "rows columns"]]:

@@ -6,6 +6,7 @@ of the one joint that moves it. For each joint the value is taken that explains 
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from perception.lengths import ENDS, measured_grazing, measured_length, measured_skew, shortened
+from perception.lengths import measured_grazing, measured_length, measured_skew, shortened
 from perception.lens import Lens
 from perception.quads import Quad
 from perception.quality import Quality
@@ -118,6 +119,16 @@ class ViewFamily:
     extent: Float[np.ndarray, "values 2"]
     bend: Float[np.ndarray, "values 4 2"]
     wanted: bool
+
+    @functools.cached_property
+    def as_quads(self) -> Float[np.ndarray, "values 4 2"]:
+        """The corners in the order of a `Quad`."""
+        return canonical(self.corners)
+
+    @functools.cached_property
+    def rows(self) -> Float[np.ndarray, "values 2"]:
+        """Of its lower and its upper end."""
+        return _rows_of_ends(self.as_quads)
 
 
 @dataclass(frozen=True)
@@ -487,9 +498,10 @@ def _distances(
 ) -> Float[np.ndarray, "quads values"]:
     """Root mean square distance of corners, of every quadrilateral from every value's."""
     rows, columns = lens.shape
-    expected = np.clip(canonical(family.corners) + shift, 0, [columns - 1, rows - 1])
+    expected = np.clip(family.as_quads + shift, 0, [columns - 1, rows - 1])
     there = np.stack([quad.corners for quad in quads])
-    return np.sqrt(np.mean(np.sum((there[:, None] - expected) ** 2, axis=-1), axis=-1))
+    off = (there[:, None] - expected).reshape(len(quads), -1, 8)
+    return np.sqrt(np.einsum("qvc,qvc->qv", off, off) / 4)
 
 
 def _costs(
@@ -612,18 +624,23 @@ def _beside(
 ) -> int | None:
     """At which end of a view another one lies by the catalogue; ``None`` where none is near."""
     nearest, found = NEIGHBOR * lens.shape[0] / 1080, None
-    for other, family in enumerate(families):
+    own = _rows_of_ends(quad.corners).tolist()
+    for number, family in enumerate(families):
         at = 0 if family.joint is None else value
-        if other == index or family.joint not in (None, families[index].joint):
+        if number == index or family.joint not in (None, families[index].joint):
             continue
         if not family.possible[at]:
             continue
-        rows = [canonical(family.corners[at])[list(end), 1].mean() for end in ENDS]
-        for end, corners in enumerate(ENDS):
-            gap = min(abs(quad.corners[list(corners), 1].mean() - row) for row in rows)
+        for end, row in enumerate(own):
+            gap = min(abs(row - other) for other in family.rows[at].tolist())
             if gap < nearest:
                 nearest, found = gap, end
     return found
+
+
+def _rows_of_ends(quads: Float[np.ndarray, "*quads 4 2"]) -> Float[np.ndarray, "*quads 2"]:
+    """Mean rows of the lower and the upper end of quadrilaterals."""
+    return (quads[..., :2, 1] + quads[..., :1:-1, 1]) / 2
 
 
 def _missing(family: ViewFamily) -> View:

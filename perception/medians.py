@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Real
 
 
-def median(values: Float[np.ndarray, "*rest values"]) -> Float[np.ndarray, "*rest"]:
+def median(values: Real[np.ndarray, "*rest values"]) -> Float[np.ndarray, "*rest"]:
     """As `numpy.median` of the last axis, which takes three times as long for short ones."""
     ordered, count = np.sort(values, axis=-1), values.shape[-1]
-    return (ordered[..., (count - 1) // 2] + ordered[..., count // 2]) / 2
+    return ordered[..., (count - 1) // 2] / 2 + ordered[..., count // 2] / 2
 
 
 class Medians:
