@@ -80,7 +80,7 @@ def fit_lines(edges: Edges) -> Lines:
         left = offsets - scale * offset[:, None] - leaning * turn[:, None]
         far = left / (TUKEY * _deviation(left, medians))[:, None]
         weights = np.where(found, np.maximum(1 - far**2, 0) ** 2, 0.0)
-        offset, turn, inverse = _weighted(products, weights)
+        offset, turn, normal = _weighted(products, weights)
     left = offsets - scale * offset[:, None] - leaning * turn[:, None]
     deviation = _deviation(left, medians)
     count = found.sum(axis=1)
@@ -91,7 +91,9 @@ def fit_lines(edges: Edges) -> Lines:
     mean_square = np.sum(near**2, axis=1) / np.maximum(count, 1)
     alike = np.sum(near[:, 1:] * near[:, :-1], axis=1) / pairs / np.maximum(mean_square, 1e-12)
     alike = np.clip(alike, 0.0, 0.9)
-    independent = variance[:, None, None] * inverse
+    first, mixed, second = normal
+    inverse = np.stack([second, -mixed, -mixed, first]) / (first * second - mixed**2)
+    independent = (variance * inverse).T.reshape(-1, 2, 2)
     covariance = ((1 + alike) / (1 - alike))[:, None, None] * independent
     roughness = covariance - (1 - alike)[:, None, None] * independent
     mean_scale = scale.mean(axis=1)
@@ -140,9 +142,11 @@ def _bends(
 def _weighted(
     products: Float[np.ndarray, "sides 5 places"], weights: Float[np.ndarray, "sides places"]
 ) -> tuple[
-    Float[np.ndarray, " sides"], Float[np.ndarray, " sides"], Float[np.ndarray, "sides 2 2"]
+    Float[np.ndarray, " sides"],
+    Float[np.ndarray, " sides"],
+    tuple[Float[np.ndarray, " sides"], ...],
 ]:
-    """Weighted least squares of two unknowns, and the inverse of their normal matrix.
+    """Weighted least squares of two unknowns, and their normal matrix: its corners and the rest.
 
     Args:
         products: of the unknowns' factors: both of the first, one of each, both of the second, and
@@ -153,9 +157,10 @@ def _weighted(
     # Where all weight lies in one place, the side keeps its direction.
     least = 1e-12 * (first + second) + 1e-30
     first, second = first + least, second + least
-    inverse = np.stack([second, -mixed, -mixed, first]) / (first * second - mixed**2)
-    offset, turn = (a * wanted[0] + b * wanted[1] for a, b in (inverse[:2], inverse[2:]))
-    return offset, turn, inverse.T.reshape(-1, 2, 2)
+    determinant = first * second - mixed**2
+    offset = (second * wanted[0] - mixed * wanted[1]) / determinant
+    turn = (first * wanted[1] - mixed * wanted[0]) / determinant
+    return offset, turn, (first, mixed, second)
 
 
 def _repeated_medians(

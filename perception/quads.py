@@ -430,4 +430,4 @@ def _are_convex(corners: Float[np.ndarray, "*views 4 2"]) -> Bool[np.ndarray, "*
     sides = corners[..., FOLLOWING, :] - corners
     following = sides[..., FOLLOWING, :]
     turns = sides[..., 0] * following[..., 1] - sides[..., 1] * following[..., 0]
-    return np.isfinite(corners).all(axis=(-1, -2)) & (turns < -FLAT).all(axis=-1)
+    return np.asarray(np.isfinite(corners).all(axis=(-1, -2)) & (turns < -FLAT).all(axis=-1))
