@@ -1,14 +1,20 @@
-"""Processes that find views: most of that is Python, of which threads run one at a time."""
+"""Processes that find views: most of that is Python, of which threads run one at a time.
+
+Images lie in memory that they share: through a pipe, one takes as long as a third of its views.
+"""
 
 from __future__ import annotations
 
+import ctypes
 import functools
+import math
 import multiprocessing
 import os
 import pickle
+import queue
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -24,11 +30,16 @@ if TYPE_CHECKING:
     from perception import Sighting
     from studies.models.sensor.finger_sensor import FingerSensor
 
+    Slot = ctypes.Array[ctypes.c_ubyte]
+
 MOST = 4
 """Processes: they are given images by one."""
 
 _detect: Any = None
 """In such a process: from an image to its sighting."""
+
+_slots: Sequence[Slot] = ()
+"""In such a process: where images are, whose shape its lens has."""
 
 
 class Detectors:
@@ -38,24 +49,36 @@ class Detectors:
         count: how many.
     """
 
-    def __init__(self, pool: ProcessPoolExecutor, count: int) -> None:
-        self._pool, self.count = pool, count
+    def __init__(self, pool: ProcessPoolExecutor, count: int, slots: Sequence[Slot]) -> None:
+        self._pool, self.count, self._slots = pool, count, slots
+        self._free = queue.SimpleQueue[int]()
+        for number in range(len(slots)):
+            self._free.put(number)
 
     def start(self, image: np.ndarray) -> Future[Sighting]:
-        """Begin with an image; what is returned has its sighting when that is found."""
-        return self._pool.submit(_found, image)
+        """Begin with an image; what is returned has its sighting when that is found.
+
+        It waits while as many images are looked at as there is room for.
+        """
+        number = self._free.get()
+        memoryview(self._slots[number]).cast("B")[:] = memoryview(image).cast("B")
+        found = self._pool.submit(_found, number)
+        found.add_done_callback(lambda _: self._free.put(number))
+        return found
 
 
 @contextmanager
 def detectors(finger: FingerSensor) -> Iterator[Detectors]:
     """As many processes as there are cores, ended on leaving."""
-    count = min(usable_cores(), MOST)
+    count, context = min(usable_cores(), MOST), multiprocessing.get_context("spawn")
+    size = 3 * math.prod(finger.lens.shape)
+    slots = [context.RawArray(ctypes.c_ubyte, size) for _ in range(count + 1)]
     about = pickle.dumps((finger.imaging, finger.lens.response, finger.catalog))
     pool = ProcessPoolExecutor(
         count,
-        multiprocessing.get_context("spawn"),
+        context,
         _begin,
-        (about, os.environ | ONE_THREAD),
+        (about, slots, os.environ | ONE_THREAD),
     )
     # A blocked signal stays blocked in the processes that are started: Ctrl-C is for this one.
     signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
@@ -64,14 +87,15 @@ def detectors(finger: FingerSensor) -> Iterator[Detectors]:
     finally:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     try:
-        yield Detectors(pool, count)
+        yield Detectors(pool, count, slots)
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def _begin(about: bytes, environment: dict[str, str]) -> None:
+def _begin(about: bytes, slots: Sequence[Slot], environment: dict[str, str]) -> None:
     """A process, which has loaded nothing yet that reads its environment."""
-    global _detect
+    global _detect, _slots
+    _slots = slots
     os.environ.update(environment)
     threading.Thread(target=end_with_parent, daemon=True).start()
     keep_programs()
@@ -91,8 +115,11 @@ def _begin(about: bytes, environment: dict[str, str]) -> None:
     _detect = functools.partial(detect_views, lens=lens, catalog=catalog)
 
 
-def _found(image: np.ndarray) -> Sighting:
-    return _detect(image)
+def _found(number: int) -> Sighting:
+    import numpy as np
+
+    shape = *_detect.keywords["lens"].shape, 3
+    return _detect(np.frombuffer(_slots[number], np.uint8).reshape(shape))
 
 
 def _nothing() -> None:
