@@ -25,6 +25,8 @@ from designopt.sweep.evaluating import ONE_THREAD
 from designopt.sweep.workers import end_with_parent
 
 if TYPE_CHECKING:
+    from multiprocessing.synchronize import Barrier
+
     import numpy as np
 
     from perception import Sighting
@@ -49,11 +51,22 @@ class Detectors:
         count: how many.
     """
 
-    def __init__(self, pool: ProcessPoolExecutor, count: int, slots: Sequence[Slot]) -> None:
-        self._pool, self.count, self._slots = pool, count, slots
+    def __init__(
+        self,
+        pool: ProcessPoolExecutor,
+        count: int,
+        slots: Sequence[Slot],
+        begun: Sequence[Future[None]],
+    ) -> None:
+        self._pool, self.count, self._slots, self._begun = pool, count, slots, begun
         self._free = queue.SimpleQueue[int]()
         for number in range(len(slots)):
             self._free.put(number)
+
+    def wait(self) -> None:
+        """Until all of them have loaded what they need."""
+        for one in self._begun:
+            one.result()
 
     def start(self, image: np.ndarray) -> Future[Sighting]:
         """Begin with an image; what is returned has its sighting when that is found.
@@ -78,21 +91,23 @@ def detectors(finger: FingerSensor) -> Iterator[Detectors]:
         count,
         context,
         _begin,
-        (about, slots, os.environ | ONE_THREAD),
+        (about, slots, context.Barrier(count), os.environ | ONE_THREAD),
     )
     # A blocked signal stays blocked in the processes that are started: Ctrl-C is for this one.
     signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
-        pool.submit(_nothing)
+        begun = [pool.submit(_nothing) for _ in range(count)]
     finally:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     try:
-        yield Detectors(pool, count, slots)
+        yield Detectors(pool, count, slots, begun)
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def _begin(about: bytes, slots: Sequence[Slot], environment: dict[str, str]) -> None:
+def _begin(
+    about: bytes, slots: Sequence[Slot], all_begun: Barrier, environment: dict[str, str]
+) -> None:
     """A process, which has loaded nothing yet that reads its environment."""
     global _detect, _slots
     _slots = slots
@@ -113,6 +128,7 @@ def _begin(about: bytes, slots: Sequence[Slot], environment: dict[str, str]) -> 
         lens = replace(lens_of(imaging), response=response)
 
     _detect = functools.partial(detect_views, lens=lens, catalog=catalog)
+    all_begun.wait()
 
 
 def _found(number: int) -> Sighting:
@@ -123,4 +139,4 @@ def _found(number: int) -> Sighting:
 
 
 def _nothing() -> None:
-    """Have the processes started."""
+    """Have a process started."""

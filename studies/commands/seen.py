@@ -155,11 +155,12 @@ def see_source(name: str, sensor_folder: Path, out: Path, asked: Asked) -> int:
         if page is not None:
             page.begin(reader)
             print(f"{reader.sensor.name}: {page.address} (Ctrl-C ends it)", file=words, flush=True)
-        start, most = stack.enter_context(_detection(source, reader))
+        start, most, wait = stack.enter_context(_detection(source, reader))
         first = reader.sensor.frames[0]
         reading = reader.read(first)  # compiles what every frame needs
         if asked.pads:
             reader.read_pads(first, reading)
+        wait()
         if is_live:
             source = open_source(name, size=size)
         session = Session(source, reader, out, asked, page)
@@ -186,8 +187,8 @@ Start = Callable[[np.ndarray], Future[Sighting]]
 
 
 @contextmanager
-def _detection(source: Source, reader: Reader) -> Iterator[tuple[Start, int]]:
-    """What begins to look for views, and in how many frames at a time it is worth while."""
+def _detection(source: Source, reader: Reader) -> Iterator[tuple[Start, int, Callable[[], None]]]:
+    """What begins to look for views, in how many frames at a time, and waits until it can."""
 
     def at_once(image: np.ndarray) -> Future[Sighting]:
         found = Future[Sighting]()
@@ -196,10 +197,10 @@ def _detection(source: Source, reader: Reader) -> Iterator[tuple[Start, int]]:
         return found
 
     if _is_one_picture(source):
-        yield at_once, 1
+        yield at_once, 1, lambda: None
     else:
         with detectors(reader.finger) as pool:
-            yield pool.start, pool.count + 1
+            yield pool.start, pool.count + 1, pool.wait
 
 
 class Session:
