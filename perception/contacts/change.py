@@ -20,6 +20,9 @@ CELL = 0.2
 DARK = 4.0
 """Codes, of 255, that are added to what is divided by: the dark has no contrast."""
 
+FAINTEST = 0.5
+"""Codes: as dark is what has the code zero."""
+
 SMOOTH = 0.5
 """mm: the light of the untouched pad is smoothed by so much (standard deviation)."""
 
@@ -49,10 +52,12 @@ class Change:
     """What has changed on a pad since it was not touched, by cells of `CELL`.
 
     Attributes:
-        part: of the light, by which it has become brighter.
+        part: of the light and of `DARK`, by which it has become brighter, beyond what all cells
+            have in common: the exposure of the two pictures need not be the same.
         noisiness: deviation of ``part``, up to a factor that all cells share.
         unsure: deviation of ``part`` by where the pictures lie on each other.
         light: logarithm of that of the untouched pad.
+        visible: part that light has of itself and `DARK`.
         slopes: of rays, as those of `Sight`.
         pixels: likewise.
         inner: which cells are away from the pad's edges and not seen too flat.
@@ -62,6 +67,7 @@ class Change:
     noisiness: Cells
     unsure: Cells
     light: Cells
+    visible: Cells
     slopes: Float[np.ndarray, "rows columns 2"]
     pixels: Float[np.ndarray, "rows columns 2"]
     inner: Bool[np.ndarray, "rows columns"]
@@ -85,7 +91,8 @@ class Change:
         pressed = checked_image(picture, like=like, what="an unwarped pad")
         codes = np.arange(256.0)
         curve = codes if response is None else response
-        table = (curve + np.interp(DARK, codes, curve)).astype(np.float32)
+        dark, faintest = np.interp([DARK, FAINTEST], codes, curve)
+        table = (curve + dark).astype(np.float32)
         step = round(CELL * PER_MM)
         rows, columns = (size // step for size in untouched.shape[:2])
         cut = np.s_[: rows * step, : columns * step]
@@ -105,11 +112,17 @@ class Change:
         rim = RIM + RIM_PIXELS * pixels
         inner = (away[0][:, None] > rim[..., 0]) & (away[1] > rim[..., 1])
         inner &= pixels.max(axis=-1) < FLATTEST * pixels.min(axis=-1)
-        light = np.log(smooth)
-        rises = np.gradient(light, CELL, axis=(0, 1))
+        light = np.maximum(smooth - dark, faintest)
+        visible = light / (light + dark)
+        ratio = now / before
+        clear = inner[..., None] & (visible > 0.5)
+        gain = 1 + float(np.median(((ratio - 1) / visible)[clear])) if clear.any() else 1.0
+        part = (ratio - 1 - (gain - 1) * visible) / gain
+        rises = np.gradient(np.log(smooth), CELL, axis=(0, 1))
         unsure = PIXEL * np.hypot(*(r * pixels[..., i, None] for i, r in enumerate(rises)))
         noisiness = cv2.LUT(mean, relative)
-        return cls(now / before - 1, noisiness, unsure, light, slopes, pixels, inner)
+        logarithm = np.log(light)
+        return cls(part, noisiness, unsure, logarithm, visible, slopes, pixels, inner)
 
     @functools.cached_property
     def length(self) -> float:

@@ -311,7 +311,9 @@ class _Problem:
         away = samples.along - circle[0], samples.across - circle[1]
         self._background = np.stack([np.ones_like(away[0]), *away], axis=-1)
         self._blur = round(min(samples.blur / circle[2], 1.0), 1)
-        self._light = change.at(change.light, samples.along, samples.across)
+        self._light, self._visible = (
+            change.at(one, samples.along, samples.across) for one in (change.light, change.visible)
+        )
         present = [lamp for lamp in lamps if lamp is not None]
         self._pieces = [Pieces.of(one, circle[:2], *samples[:2]) for one in present]
         colors = samples.part.shape[1]
@@ -350,8 +352,9 @@ class _Problem:
             away = np.hypot(along, across)[:, None] + 1e-6
             lit = lit * np.clip(np.stack([along, across], -1) @ self._toward.T / away, 0, 1)
         turn = np.arctan2(across, along) / (2 * np.pi) * SECTORS
-        terms = np.stack([*lights, even], axis=-1) * relit[..., None]
-        return _Model(terms, relit - 1, lit, turn.astype(int) % SECTORS)
+        visible = self._visible.T[:, None]
+        terms = np.stack([*lights, even], axis=-1) * (visible * relit)[..., None]
+        return _Model(terms, visible * (relit - 1), lit, turn.astype(int) % SECTORS)
 
     def scale(self, model: _Model, solved: _Solved) -> float:
         """Residuals over what noise alone would leave, at least 1."""
