@@ -43,13 +43,16 @@ APART = 1.5
 NORMAL = 1.4826
 """Standard deviation of normal numbers over the median of their absolute values."""
 
-Cells = Float[np.ndarray, "rows columns 3"]
+Cells = Float[np.ndarray, "rows columns colors"]
 Places = Float[np.ndarray, "*places"]
 
 
 @dataclass(frozen=True, eq=False)
 class Change:
     """What has changed on a pad since it was not touched, by cells of `CELL`.
+
+    Of all colors, or of their sum alone: that is what even light shows, and a compressed picture
+    has the hue of blocks of 16 pixels in whole codes only.
 
     Attributes:
         part: of the light and of `DARK`, by which it has become brighter, beyond what all cells
@@ -80,8 +83,17 @@ class Change:
         reference: np.ndarray,
         sight: Sight,
         response: Float[np.ndarray, "256"] | None,
+        *,
+        colored: bool,
     ) -> Change:
         """From the unwarped pictures of a pad, pressed and untouched.
+
+        Args:
+            picture: pressed.
+            reference: untouched.
+            sight: how they show the pad.
+            response: of the camera.
+            colored: of all colors, red first.
 
         Raises:
             UserError: one is no image of three channels of 8 bits, or they differ in size.
@@ -89,6 +101,8 @@ class Change:
         untouched = checked_image(reference, what="the reference of a pad")
         like = "its reference", untouched.shape[:2]
         pressed = checked_image(picture, like=like, what="an unwarped pad")
+        if not colored:
+            untouched, pressed = (cv2.cvtColor(one, cv2.COLOR_RGB2GRAY) for one in (untouched, pressed))
         codes = np.arange(256.0)
         curve = codes if response is None else response
         dark, faintest = np.interp([DARK, FAINTEST], codes, curve)
@@ -98,11 +112,12 @@ class Change:
         cut = np.s_[: rows * step, : columns * step]
         size = columns, rows
         now, before, mean = (
-            cv2.resize(one[cut], size, interpolation=cv2.INTER_AREA)
+            cv2.resize(one[cut], size, interpolation=cv2.INTER_AREA).reshape(rows, columns, -1)
             for one in (cv2.LUT(pressed, table), cv2.LUT(untouched, table), untouched)
         )
         relative = (np.gradient(table) / table).astype(np.float32)
         smooth = cv2.GaussianBlur(before, (0, 0), SMOOTH / CELL, borderType=cv2.BORDER_REPLICATE)
+        smooth = smooth.reshape(before.shape)
         slopes, pixels = (
             cv2.resize(one.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
             for one in (sight.slopes, sight.pixels)
@@ -120,7 +135,7 @@ class Change:
         part = (ratio - 1 - (gain - 1) * visible) / gain
         rises = np.gradient(np.log(smooth), CELL, axis=(0, 1))
         unsure = PIXEL * np.hypot(*(r * pixels[..., i, None] for i, r in enumerate(rises)))
-        noisiness = cv2.LUT(mean, relative)
+        noisiness = cv2.LUT(mean, relative).reshape(before.shape)
         logarithm = np.log(light)
         return cls(part, noisiness, unsure, logarithm, visible, slopes, pixels, inner)
 
@@ -174,4 +189,5 @@ def block_means(values: np.ndarray, cells: int) -> np.ndarray:
         return values
     rows, columns = (size // cells for size in values.shape[:2])
     cut = np.ascontiguousarray(values[: rows * cells, : columns * cells])
-    return cv2.resize(cut, (columns, rows), interpolation=cv2.INTER_AREA)
+    found = cv2.resize(cut, (columns, rows), interpolation=cv2.INTER_AREA)
+    return found.reshape(rows, columns, *values.shape[2:])

@@ -84,7 +84,7 @@ def find_contacts(
         >>> find_contacts(untouched, untouched, view, above, [])
         []
     """
-    change = Change.of(picture, reference, sight, response)
+    change = Change.of(picture, reference, sight, response, colored=any(lamps))
     found: list[Fit] = []
     for candidate in find_candidates(change, lamps):
         circle = np.array(candidate[:3])

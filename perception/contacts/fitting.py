@@ -178,8 +178,8 @@ class _Samples(NamedTuple):
 
     along: Float[np.ndarray, " samples"]
     across: Float[np.ndarray, " samples"]
-    part: Float[np.ndarray, "samples 3"]
-    deviation: Float[np.ndarray, "samples 3"]
+    part: Float[np.ndarray, "samples colors"]
+    deviation: Float[np.ndarray, "samples colors"]
     slopes: Float[np.ndarray, "samples 2"]
     blur: float
 
@@ -196,7 +196,7 @@ def _sample(change: Change, circle: Circle, others: Circles) -> _Samples:
         ranges.append((first, blocks))
     if not all(blocks for _, blocks in ranges):
         none = np.zeros(0)
-        return _Samples(none, none, *np.zeros((2, 0, 3)), slopes=np.zeros((0, 2)), blur=0.0)
+        return _Samples(none, none, *np.zeros((2, 0, 1)), slopes=np.zeros((0, 2)), blur=0.0)
     window = tuple(slice(first, first + blocks * cells) for first, blocks in ranges)
     u, v = np.meshgrid(
         *((first + (np.arange(blocks) + 0.5) * cells) * CELL for first, blocks in ranges),
