@@ -56,18 +56,19 @@ Commun. Stat. A 6 (1977) 813)."""
 DEPTH, DEPTHS = 0.6, 0.6
 """Median of depths that are expected, mm, and the deviation of their logarithm."""
 
-SHARES, EVEN = 0.5, 0.3
-"""Deviations of what is expected of light: all of a color's comes from its lamp, or, where there
-are no lamps, from all sides alike."""
+SHARES, TOTAL = 0.5, 0.3
+"""Deviations of what is expected of light: all of a color's comes from its lamp, and all shares
+together are as much as there is."""
+
+BACKGROUND, RISING = 0.2, 0.1
+"""Likewise of a background, part of the light, and of its slopes, 1/mm: other contacts' shadows and
+light, and what the exposure leaves."""
 
 DEPTH_BY_LAMPS, EDGE_BY_LAMPS = 0.7, 0.08
 """What the model of the light of lamps gives a contact: deviation of the logarithm of its depth,
 and of the place of its edge on each side, mm. How light falls behind layers and beside other
 contacts is not in the model. As found in a path tracer's pictures (`physical-check-contacts`, seed
 20270)."""
-
-FREE = 1e-3
-"""Of the background nothing is known: this keeps it finite."""
 
 TINY = 1e-6
 """What cannot be seen in any way is unknown, not a fault."""
@@ -101,8 +102,8 @@ class Fit:
         covariance: of these.
         explained: part of the change about it, beyond noise, that the model explains.
         strength: root of the squares that it explains, over what the rest is like.
-        light: of its color's own lamp, or that comes evenly where there is none, over what is
-            expected; mean of the colors.
+        light: of its color's own lamp, or that comes evenly where there is none, as part of all that
+            is expected; of the color where that is least.
     """
 
     parameters: Parameters
@@ -320,7 +321,9 @@ class _Problem:
         self._toward = np.zeros((colors, 2))
         self._mean = np.zeros((colors, len(present) + 4))
         for color, lamp in enumerate(lamps):
-            if lamp is not None:
+            if lamp is None:
+                self._mean[color, : len(present)] = 1 / len(present)
+            else:
                 self._toward[color] = lamp.toward(circle[:2])
                 self._mean[color, present.index(lamp)] = 1
         if not present:
@@ -331,8 +334,10 @@ class _Problem:
             behind = away @ self._toward.T < 0
             beside = np.abs(away @ (self._toward @ [[0, 1], [-1, 0]]).T) < radius + APART
             self._free[behind & beside] = 0
-        sure = (SHARES if present else EVEN) ** -2
-        self._ridge = np.array([sure] * (len(present) + 1) + [FREE] * 3)
+        lit = np.array([1] * (len(present) + 1) + [0] * 3)
+        each = (SHARES**-2 if present else 0) * lit
+        each[-3:] = BACKGROUND**-2, RISING**-2, RISING**-2
+        self._ridge = np.diag(each) + np.outer(lit, lit) / TOTAL**2
 
     def model(self, point: Parameters) -> _Model:
         """The light of samples at a point, and at one beside it for each parameter."""
@@ -391,7 +396,7 @@ class _Problem:
             covariance,
             (total - rest) / max(total - noise, TINY),
             math.sqrt(max(total - rest, 0)) / self.scale(model, solved),
-            float(np.sum(solved.factors * self._mean) / np.sum(self._mean)),
+            float(solved.factors[self._mean == 1].min()),
         )
 
     def solve(self, model: _Model, point: Parameters, weights: np.ndarray) -> _Solved:
@@ -400,9 +405,9 @@ class _Problem:
         background = np.broadcast_to(self._background, (len(weight), *self._background.shape))
         basis = np.concatenate([model.terms[:, 0], background], axis=-1)
         turned = np.swapaxes(basis * weight[..., None], 1, 2)
-        inverse = np.linalg.inv(turned @ basis + np.diag(self._ridge))
+        inverse = np.linalg.inv(turned @ basis + self._ridge)
         data = self._samples.part.T - model.relit[:, 0]
-        pulled = turned @ data[..., None] + (self._ridge * self._mean)[..., None]
+        pulled = turned @ data[..., None] + (self._mean @ self._ridge)[..., None]
         factors = (inverse @ pulled)[..., 0]
         residual = data - (basis @ factors[..., None])[..., 0]
         by_terms = (model.terms[:, 1:] - model.terms[:, :1]) @ factors[:, None, :count, None]
@@ -410,13 +415,14 @@ class _Problem:
         jacobian = np.swapaxes(change / (0.1 * UNIT[:, None]), 1, 2)
         taken = inverse @ (turned @ jacobian)
         own = jacobian - basis @ taken
-        prior = np.sum(np.swapaxes(taken, 1, 2) @ (self._ridge[:, None] * taken), axis=0)
+        prior = np.sum(np.swapaxes(taken, 1, 2) @ self._ridge @ taken, axis=0)
         scores = np.sum((weight * residual)[..., None] * own, axis=0)
         weighted = jacobian * weight[..., None]
         normal = np.sum(np.swapaxes(weighted, 1, 2) @ own, axis=0) + np.diag(SURENESS + TINY)
         short = EXPECTED - point
         slope = np.sum(weighted * residual[..., None], axis=(0, 1)) + SURENESS * short
         cost = np.sum(weight * residual**2) + np.sum(SURENESS * short**2)
-        cost += np.sum(self._ridge * (factors - self._mean) ** 2)
+        off = factors - self._mean
+        cost += np.sum(off @ self._ridge * off)
         prior = prior + np.diag(SURENESS)
         return _Solved(float(cost), normal, slope, scores, prior, residual.T, factors)
