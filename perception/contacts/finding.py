@@ -115,7 +115,10 @@ def _fit_best(change: Change, circle: Circle, others: Circles, lamps: Lamps) -> 
     starts = (start_at(circle * [1, 1, factor]) for factor in SIZES)
     fits = (fit(change, start, others, lamps, steps=0) for start in starts)
     best = max((one for one in fits if one), key=lambda one: one.explained, default=None)
-    return best and fit(change, best.parameters, others, lamps)
+    # In the light of lamps the shading is nearly right from the start.
+    if best is None or (any(lamps) and best.strength < STRONG / 2):
+        return None
+    return fit(change, best.parameters, others, lamps)
 
 
 def _fit_again(change: Change, one: Fit, found: list[Fit], lamps: Lamps) -> Fit:
