@@ -29,6 +29,9 @@ SMOOTH = 0.5
 RIM, RIM_PIXELS = 0.3, 1.5
 """So many mm and pixels from the pad's edges what is beside it shows."""
 
+DARK_SIDE = 0.5
+"""By this part, or more, half of a side is darker where what is seen there is not the pad."""
+
 PIXEL = 12**-0.5
 """Deviation of a place that may be anywhere within a pixel: two pictures lie on each other so well,
 and where their light changes quickly, so does their difference."""
@@ -153,6 +156,13 @@ class Change:
     def pixel(self) -> float:
         """Side of a pixel on the pad, its median, mm."""
         return float(np.median(np.sqrt(self.pixels[..., 0] * self.pixels[..., 1])))
+
+    def is_misplaced(self) -> bool:
+        """Whether a side has become dark: then what is taken for the pad is not the pad alone."""
+        change = np.where(self.inner[..., None], self.part / self.visible, np.nan)
+        rows, columns = (np.flatnonzero(self.inner.any(axis=axis)) for axis in (1, 0))
+        sides = change[rows[:2]], change[rows[-2:]], change[:, columns[:2]], change[:, columns[-2:]]
+        return any(np.nanmedian(one) < -DARK_SIDE for one in sides if one.size)
 
     def noise(self, cells: int) -> float:
         """Deviation of means over squares of so many cells a side, over their ``noisiness``.

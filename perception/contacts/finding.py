@@ -62,7 +62,8 @@ def find_contacts(
 
     Returns:
         What is surely pressed in, and wholly on the pad. What cannot be seen is not claimed: where
-        a view is flat, noise is large or light is even, contacts may be missing.
+        a view is flat, noise is large or light is even, contacts may be missing; and in a view
+        whose corners are off, so that the dark beside the pad is seen as a part of it.
 
     Raises:
         UserError: one is no image of three channels of 8 bits, or they differ in size.
@@ -85,6 +86,8 @@ def find_contacts(
         []
     """
     change = Change.of(picture, reference, sight, response, colored=any(lamps))
+    if change.is_misplaced():
+        return []
     found: list[Fit] = []
     for candidate in find_candidates(change, lamps):
         circle = np.array(candidate[:3])

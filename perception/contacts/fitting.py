@@ -64,7 +64,7 @@ BACKGROUND, RISING = 0.2, 0.1
 """Likewise of a background, part of the light, and of its slopes, 1/mm: other contacts' shadows and
 light, and what the exposure leaves."""
 
-DEPTH_BY_LAMPS, EDGE_BY_LAMPS = 0.7, 0.08
+DEPTH_BY_LAMPS, EDGE_BY_LAMPS = 0.4, 0.08
 """What the model of the light of lamps gives a contact: deviation of the logarithm of its depth,
 and of the place of its edge on each side, mm. How light falls behind layers and beside other
 contacts is not in the model. As found in a path tracer's pictures (`physical-check-contacts`, seed

@@ -155,6 +155,17 @@ def test_nothing_is_claimed_where_nothing_is(lit, jpeg):
     assert claimed == 0
 
 
+@pytest.mark.parametrize("side", [np.s_[:12], np.s_[-12:], np.s_[:, :12], np.s_[:, -12:]])
+def test_a_view_with_a_dark_side_claims_nothing(side):
+    generator = np.random.default_rng(2)
+    pressed, flat = (
+        picture_of(light_of(own, True), generator) for own in ([Bump(12.0, 0.0, 4.0, 0.8)], [])
+    )
+    assert len(find_contacts(pressed, flat, view(), sight(), lamps())) == 1
+    pressed[side] //= 10
+    assert find_contacts(pressed, flat, view(), sight(), lamps()) == []
+
+
 def test_flat_views_and_dark_ones_claim_nothing():
     generator = np.random.default_rng(2)
     bump = [Bump(12.0, 0.0, 4.0, 0.8)]
