@@ -105,7 +105,9 @@ class Change:
         like = "its reference", untouched.shape[:2]
         pressed = checked_image(picture, like=like, what="an unwarped pad")
         if not colored:
-            untouched, pressed = (cv2.cvtColor(one, cv2.COLOR_RGB2GRAY) for one in (untouched, pressed))
+            untouched, pressed = (
+                cv2.cvtColor(one, cv2.COLOR_RGB2GRAY) for one in (untouched, pressed)
+            )
         codes = np.arange(256.0)
         curve = codes if response is None else response
         dark, faintest = np.interp([DARK, FAINTEST], codes, curve)

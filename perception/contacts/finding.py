@@ -38,7 +38,7 @@ one sample in six has noise of its own."""
 ODD = 5.0
 """Its light is less than so many times what is expected, and more than that part of it."""
 
-KNOWN = 0.25
+KNOWN = 0.15
 """Part of its diameter by which that may be uncertain: else it is no contact that is known."""
 
 

@@ -102,8 +102,8 @@ class Fit:
         covariance: of these.
         explained: part of the change about it, beyond noise, that the model explains.
         strength: root of the squares that it explains, over what the rest is like.
-        light: of its color's own lamp, or that comes evenly where there is none, as part of all that
-            is expected; of the color where that is least.
+        light: part of the expected light that is of the color's own lamp, or even where there is
+            none; of the color where it is least.
     """
 
     parameters: Parameters
