@@ -6,8 +6,8 @@ place of the flat pad is the membrane where the ray first meets it, with the lig
 membrane that leans by the unit normal n gets (1 + n_z) / 2. How much of the light of a color comes
 from which lamp are linear unknowns, which make up all of it, beside a background that varies
 linearly; they are eliminated (G. Golub, V. Pereyra, Inverse Problems 19 (2003) R1), and the rest is
-found by damped Gauss-Newton steps with Cauchy's weights. Behind a bulge lies its shadow: of each color the side away from its
-lamp does not count, nor what is behind other contacts.
+found by damped Gauss-Newton steps with Cauchy's weights. Behind a bulge lies its shadow: of each
+color the side away from its lamp does not count, nor what is behind other contacts.
 
 What a model lacks is alike at neighboring places, and so is the noise of a compressed picture: the
 covariance is the one that is right when residuals of a sector depend on each other in whatever way
