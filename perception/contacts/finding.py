@@ -7,7 +7,7 @@ import math
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from perception.contacts.change import PIXEL, Change
+from perception.contacts.change import FLATTEST, PIXEL, Change
 from perception.contacts.contact import Contact
 from perception.contacts.detection import find_candidates
 from perception.contacts.fitting import (
@@ -145,8 +145,12 @@ def _circles(fits: list[Fit]) -> Circles:
 
 
 def _is_within(circle: Circle, change: Change) -> bool:
+    """Whether it is wholly on the pad, and nowhere seen too flat."""
     along, across, radius = circle.tolist()
-    return radius < along < change.length - radius and abs(across) < change.width / 2 - radius
+    on = radius < along < change.length - radius and abs(across) < change.width / 2 - radius
+    ways = (radius, 0), (-radius, 0), (0, radius), (0, -radius)
+    sizes = np.array([change.pixels_at(along + u, across + v) for u, v in ways])
+    return on and bool(np.all(sizes.max(axis=1) < FLATTEST * sizes.min(axis=1)))
 
 
 def _distance(one: Circle, other: Circle) -> float:
