@@ -13,7 +13,7 @@ from designopt import UserError
 from perception.contacts import find_contacts
 from perception.contacts.change import Change
 from perception.contacts.fitting import fit, start_at
-from perception.places import find_sight
+from perception.places import Sight, find_sight
 from perception.unwarping import PER_MM
 from tests.perception.contacts.shaded import (
     Bump,
@@ -164,6 +164,17 @@ def test_a_view_with_a_dark_side_claims_nothing(side):
     assert len(find_contacts(pressed, flat, view(), sight(), lamps())) == 1
     pressed[side] //= 10
     assert find_contacts(pressed, flat, view(), sight(), lamps()) == []
+
+
+def test_a_contact_that_is_seen_flat_in_part_is_not_claimed():
+    generator = np.random.default_rng(2)
+    pressed, flat = (
+        picture_of(light_of(own, True), generator) for own in ([Bump(10.0, 0.0, 4.0, 0.8)], [])
+    )
+    slopes, pixels = np.zeros((13, 13, 2)), np.full((13, 13, 2), 1 / PER_MM)
+    assert len(find_contacts(pressed, flat, view(), Sight(slopes, pixels), lamps())) == 1
+    pixels[6:, :, 0] *= 2  # from the middle on
+    assert find_contacts(pressed, flat, view(), Sight(slopes, pixels), lamps()) == []
 
 
 def test_flat_views_and_dark_ones_claim_nothing():
