@@ -90,7 +90,9 @@ def find_candidates(change: Change, lamps: Lamps) -> list[Candidate]:
 
 
 def _lit_blobs(
-    means: Float[np.ndarray, "rows columns 3"], scale: float, toward: Float[np.ndarray, "lamps 2"]
+    means: Float[np.ndarray, "rows columns colors"],
+    scale: float,
+    toward: Float[np.ndarray, "lamps 2"],
 ) -> Float[np.ndarray, "rows columns"]:
     smooth = cv2.GaussianBlur(means, (0, 0), scale, borderType=cv2.BORDER_CONSTANT)
     rises = np.gradient(smooth, axis=0) @ toward[:, 0] + np.gradient(smooth, axis=1) @ toward[:, 1]
@@ -98,7 +100,7 @@ def _lit_blobs(
 
 
 def _even_blobs(
-    means: Float[np.ndarray, "rows columns 3"], scale: float, _: Float[np.ndarray, "lamps 2"]
+    means: Float[np.ndarray, "rows columns colors"], scale: float, _: Float[np.ndarray, "lamps 2"]
 ) -> Float[np.ndarray, "rows columns"]:
     mean = means.mean(axis=-1)
     within, around = (

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from perception.contacts.change import PIXEL, Change
+from perception.contacts.change import FLATTEST, PIXEL, Change
 from perception.contacts.contact import Contact
 from perception.contacts.detection import find_candidates
 from perception.contacts.fitting import (
@@ -38,7 +38,7 @@ one sample in six has noise of its own."""
 ODD = 5.0
 """Its light is less than so many times what is expected, and more than that part of it."""
 
-KNOWN = 0.25
+KNOWN = 0.15
 """Part of its diameter by which that may be uncertain: else it is no contact that is known."""
 
 
@@ -62,7 +62,8 @@ def find_contacts(
 
     Returns:
         What is surely pressed in, and wholly on the pad. What cannot be seen is not claimed: where
-        a view is flat, noise is large or light is even, contacts may be missing.
+        a view is flat, noise is large or light is even, contacts may be missing; and in a view
+        whose corners are off, so that the dark beside the pad is seen as a part of it.
 
     Raises:
         UserError: one is no image of three channels of 8 bits, or they differ in size.
@@ -84,7 +85,9 @@ def find_contacts(
         >>> find_contacts(untouched, untouched, view, above, [])
         []
     """
-    change = Change.of(picture, reference, sight, response)
+    change = Change.of(picture, reference, sight, response, colored=any(lamps))
+    if change.is_misplaced():
+        return []
     found: list[Fit] = []
     for candidate in find_candidates(change, lamps):
         circle = np.array(candidate[:3])
@@ -115,7 +118,10 @@ def _fit_best(change: Change, circle: Circle, others: Circles, lamps: Lamps) -> 
     starts = (start_at(circle * [1, 1, factor]) for factor in SIZES)
     fits = (fit(change, start, others, lamps, steps=0) for start in starts)
     best = max((one for one in fits if one), key=lambda one: one.explained, default=None)
-    return best and fit(change, best.parameters, others, lamps)
+    # In the light of lamps the shading is nearly right from the start.
+    if best is None or (any(lamps) and best.strength < STRONG / 2):
+        return None
+    return fit(change, best.parameters, others, lamps)
 
 
 def _fit_again(change: Change, one: Fit, found: list[Fit], lamps: Lamps) -> Fit:
@@ -139,8 +145,12 @@ def _circles(fits: list[Fit]) -> Circles:
 
 
 def _is_within(circle: Circle, change: Change) -> bool:
+    """Whether it is wholly on the pad, and nowhere seen too flat."""
     along, across, radius = circle.tolist()
-    return radius < along < change.length - radius and abs(across) < change.width / 2 - radius
+    on = radius < along < change.length - radius and abs(across) < change.width / 2 - radius
+    ways = (radius, 0), (-radius, 0), (0, radius), (0, -radius)
+    sizes = np.array([change.pixels_at(along + u, across + v) for u, v in ways])
+    return on and bool(np.all(sizes.max(axis=1) < FLATTEST * sizes.min(axis=1)))
 
 
 def _distance(one: Circle, other: Circle) -> float:

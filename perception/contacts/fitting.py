@@ -4,10 +4,10 @@ The membrane is lifted as `perception.contacts.membranes` has it: five unknowns.
 place of the flat pad is the membrane where the ray first meets it, with the light of each lamp as
 `perception.contacts.lamps` has it, and with light that comes evenly from all sides, of which a
 membrane that leans by the unit normal n gets (1 + n_z) / 2. How much of the light of a color comes
-from which lamp are linear unknowns, beside a background that varies linearly; they are eliminated
-(G. Golub, V. Pereyra, Inverse Problems 19 (2003) R1), and the rest is found by damped Gauss-Newton
-steps with Cauchy's weights. Behind a bulge lies its shadow: of each color the side away from its
-lamp does not count, nor what is behind other contacts.
+from which lamp are linear unknowns, which make up all of it, beside a background that varies
+linearly; they are eliminated (G. Golub, V. Pereyra, Inverse Problems 19 (2003) R1), and the rest is
+found by damped Gauss-Newton steps with Cauchy's weights. Behind a bulge lies its shadow: of each
+color the side away from its lamp does not count, nor what is behind other contacts.
 
 What a model lacks is alike at neighboring places, and so is the noise of a compressed picture: the
 covariance is the one that is right when residuals of a sector depend on each other in whatever way
@@ -56,18 +56,19 @@ Commun. Stat. A 6 (1977) 813)."""
 DEPTH, DEPTHS = 0.6, 0.6
 """Median of depths that are expected, mm, and the deviation of their logarithm."""
 
-SHARES, EVEN = 0.5, 0.3
-"""Deviations of what is expected of light: all of a color's comes from its lamp, or, where there
-are no lamps, from all sides alike."""
+SHARES, TOTAL = 0.5, 0.3
+"""Deviations of what is expected of light: all of a color's comes from its lamp, and all shares
+together are as much as there is."""
 
-DEPTH_BY_LAMPS, EDGE_BY_LAMPS = 0.7, 0.08
+BACKGROUND, RISING = 0.2, 0.1
+"""Likewise of a background, part of the light, and of its slopes, 1/mm: other contacts' shadows and
+light, and what the exposure leaves."""
+
+DEPTH_BY_LAMPS, EDGE_BY_LAMPS = 0.4, 0.08
 """What the model of the light of lamps gives a contact: deviation of the logarithm of its depth,
 and of the place of its edge on each side, mm. How light falls behind layers and beside other
 contacts is not in the model. As found in a path tracer's pictures (`physical-check-contacts`, seed
 20270)."""
-
-FREE = 1e-3
-"""Of the background nothing is known: this keeps it finite."""
 
 TINY = 1e-6
 """What cannot be seen in any way is unknown, not a fault."""
@@ -101,8 +102,8 @@ class Fit:
         covariance: of these.
         explained: part of the change about it, beyond noise, that the model explains.
         strength: root of the squares that it explains, over what the rest is like.
-        light: of its color's own lamp, or that comes evenly where there is none, over what is
-            expected; mean of the colors.
+        light: part of the expected light that is of the color's own lamp, or even where there is
+            none; of the color where it is least.
     """
 
     parameters: Parameters
@@ -178,8 +179,8 @@ class _Samples(NamedTuple):
 
     along: Float[np.ndarray, " samples"]
     across: Float[np.ndarray, " samples"]
-    part: Float[np.ndarray, "samples 3"]
-    deviation: Float[np.ndarray, "samples 3"]
+    part: Float[np.ndarray, "samples colors"]
+    deviation: Float[np.ndarray, "samples colors"]
     slopes: Float[np.ndarray, "samples 2"]
     blur: float
 
@@ -196,7 +197,7 @@ def _sample(change: Change, circle: Circle, others: Circles) -> _Samples:
         ranges.append((first, blocks))
     if not all(blocks for _, blocks in ranges):
         none = np.zeros(0)
-        return _Samples(none, none, *np.zeros((2, 0, 3)), slopes=np.zeros((0, 2)), blur=0.0)
+        return _Samples(none, none, *np.zeros((2, 0, 1)), slopes=np.zeros((0, 2)), blur=0.0)
     window = tuple(slice(first, first + blocks * cells) for first, blocks in ranges)
     u, v = np.meshgrid(
         *((first + (np.arange(blocks) + 0.5) * cells) * CELL for first, blocks in ranges),
@@ -311,14 +312,18 @@ class _Problem:
         away = samples.along - circle[0], samples.across - circle[1]
         self._background = np.stack([np.ones_like(away[0]), *away], axis=-1)
         self._blur = round(min(samples.blur / circle[2], 1.0), 1)
-        self._light = change.at(change.light, samples.along, samples.across)
+        self._light, self._visible = (
+            change.at(one, samples.along, samples.across) for one in (change.light, change.visible)
+        )
         present = [lamp for lamp in lamps if lamp is not None]
         self._pieces = [Pieces.of(one, circle[:2], *samples[:2]) for one in present]
         colors = samples.part.shape[1]
         self._toward = np.zeros((colors, 2))
         self._mean = np.zeros((colors, len(present) + 4))
         for color, lamp in enumerate(lamps):
-            if lamp is not None:
+            if lamp is None:
+                self._mean[color, : len(present)] = 1 / len(present)
+            else:
                 self._toward[color] = lamp.toward(circle[:2])
                 self._mean[color, present.index(lamp)] = 1
         if not present:
@@ -329,8 +334,10 @@ class _Problem:
             behind = away @ self._toward.T < 0
             beside = np.abs(away @ (self._toward @ [[0, 1], [-1, 0]]).T) < radius + APART
             self._free[behind & beside] = 0
-        sure = (SHARES if present else EVEN) ** -2
-        self._ridge = np.array([sure] * (len(present) + 1) + [FREE] * 3)
+        lit = np.array([1] * (len(present) + 1) + [0] * 3)
+        each = (SHARES**-2 if present else 0) * lit
+        each[-3:] = BACKGROUND**-2, RISING**-2, RISING**-2
+        self._ridge = np.diag(each) + np.outer(lit, lit) / TOTAL**2
 
     def model(self, point: Parameters) -> _Model:
         """The light of samples at a point, and at one beside it for each parameter."""
@@ -350,8 +357,9 @@ class _Problem:
             away = np.hypot(along, across)[:, None] + 1e-6
             lit = lit * np.clip(np.stack([along, across], -1) @ self._toward.T / away, 0, 1)
         turn = np.arctan2(across, along) / (2 * np.pi) * SECTORS
-        terms = np.stack([*lights, even], axis=-1) * relit[..., None]
-        return _Model(terms, relit - 1, lit, turn.astype(int) % SECTORS)
+        visible = self._visible.T[:, None]
+        terms = np.stack([*lights, even], axis=-1) * (visible * relit)[..., None]
+        return _Model(terms, visible * (relit - 1), lit, turn.astype(int) % SECTORS)
 
     def scale(self, model: _Model, solved: _Solved) -> float:
         """Residuals over what noise alone would leave, at least 1."""
@@ -388,7 +396,7 @@ class _Problem:
             covariance,
             (total - rest) / max(total - noise, TINY),
             math.sqrt(max(total - rest, 0)) / self.scale(model, solved),
-            float(np.sum(solved.factors * self._mean) / np.sum(self._mean)),
+            float(solved.factors[self._mean == 1].min()),
         )
 
     def solve(self, model: _Model, point: Parameters, weights: np.ndarray) -> _Solved:
@@ -397,9 +405,9 @@ class _Problem:
         background = np.broadcast_to(self._background, (len(weight), *self._background.shape))
         basis = np.concatenate([model.terms[:, 0], background], axis=-1)
         turned = np.swapaxes(basis * weight[..., None], 1, 2)
-        inverse = np.linalg.inv(turned @ basis + np.diag(self._ridge))
+        inverse = np.linalg.inv(turned @ basis + self._ridge)
         data = self._samples.part.T - model.relit[:, 0]
-        pulled = turned @ data[..., None] + (self._ridge * self._mean)[..., None]
+        pulled = turned @ data[..., None] + (self._mean @ self._ridge)[..., None]
         factors = (inverse @ pulled)[..., 0]
         residual = data - (basis @ factors[..., None])[..., 0]
         by_terms = (model.terms[:, 1:] - model.terms[:, :1]) @ factors[:, None, :count, None]
@@ -407,13 +415,14 @@ class _Problem:
         jacobian = np.swapaxes(change / (0.1 * UNIT[:, None]), 1, 2)
         taken = inverse @ (turned @ jacobian)
         own = jacobian - basis @ taken
-        prior = np.sum(np.swapaxes(taken, 1, 2) @ (self._ridge[:, None] * taken), axis=0)
+        prior = np.sum(np.swapaxes(taken, 1, 2) @ self._ridge @ taken, axis=0)
         scores = np.sum((weight * residual)[..., None] * own, axis=0)
         weighted = jacobian * weight[..., None]
         normal = np.sum(np.swapaxes(weighted, 1, 2) @ own, axis=0) + np.diag(SURENESS + TINY)
         short = EXPECTED - point
         slope = np.sum(weighted * residual[..., None], axis=(0, 1)) + SURENESS * short
         cost = np.sum(weight * residual**2) + np.sum(SURENESS * short**2)
-        cost += np.sum(self._ridge * (factors - self._mean) ** 2)
+        off = factors - self._mean
+        cost += np.sum(off @ self._ridge * off)
         prior = prior + np.diag(SURENESS)
         return _Solved(float(cost), normal, slope, scores, prior, residual.T, factors)

@@ -4,9 +4,9 @@ A lamp is a band of the same radiance, along a line over the pad's plane and bet
 a matt membrane at the height z with the unit normal n, a piece of it at the horizontal arrow w from
 there, which shines along d towards the pad, sends light as
 
-    (w·d) (w·n + (H − z) n_z) / |w|⁴
+    (w·d) (w·n + (H − z) n_z) / (|w|² + (H − z)²)²
 
-(line and height are short against w). What of the lamp is below the membrane sends none, and no
+(pieces are short against w). What of the lamp is below the membrane sends none, and no
 piece lights a membrane that faces away from it. Shadows of other places are not computed.
 """
 
@@ -21,6 +21,9 @@ from jaxtyping import Float
 
 PIECES = 5
 """Of a lamp, by equal angles seen from a contact."""
+
+ROWS = 2
+"""Of pieces, one above the other: lamps of layers are as high as contacts are far from them."""
 
 NEAREST = 0.5
 """mm: the membrane is no nearer to a lamp's line."""
@@ -57,21 +60,21 @@ the light is even."""
 
 
 class Pieces(NamedTuple):
-    """Pieces of a lamp seen from places; arrays of the shape (pieces, places).
+    """Pieces of a lamp seen from places; arrays of the shape (pieces, places), but as written.
 
     Attributes:
         along: arrows to them, mm.
         across: likewise.
-        weight: part of the light on a flat membrane per arrow's length up, 1/mm.
-        low: of the lamp.
-        high: likewise.
+        square: of their lengths, mm².
+        weight: light per solid angle, over what comes to a flat membrane from the lamp.
+        edges: heights of the rows of pieces: lower and upper edges, shape (rows, 2), mm.
     """
 
     along: np.ndarray
     across: np.ndarray
+    square: np.ndarray
     weight: np.ndarray
-    low: float
-    high: float
+    edges: np.ndarray
 
     @classmethod
     def of(cls, lamp: Lamp, middle: Float[np.ndarray, "2"], along, across) -> Pieces:
@@ -94,10 +97,12 @@ class Pieces(NamedTuple):
         ways = places[:, 0, None] - along, places[:, 1, None] - across
         sent = np.maximum(ways[0] * toward[0] + ways[1] * toward[1], NEAREST)
         square = np.maximum(ways[0] ** 2 + ways[1] ** 2, NEAREST**2)
-        weight = sent / np.cos(angles)[:, None] ** 2 / square**2
-        weight = weight / np.sum(weight, axis=0) / ((lamp.low + lamp.high) / 2)
-        single = (one.astype(np.float32) for one in (*ways, weight))
-        return cls(*single, low=lamp.low, high=lamp.high)
+        weight = sent / np.cos(angles)[:, None] ** 2
+        steps = np.linspace(lamp.low, lamp.high, ROWS + 1)
+        edges = np.stack([steps[:-1], steps[1:]], axis=-1)
+        flat = sum(weight * height / (square + height**2) ** 2 for height in edges.mean(axis=1))
+        weight = weight / np.sum(flat, axis=0)
+        return cls(*(one.astype(np.float32) for one in (*ways, square, weight, edges)))
 
     def light(self, by_along, by_across, upright, height) -> np.ndarray:
         """Light on a membrane over that on the flat one, for arrays of shape (…, places).
@@ -108,9 +113,12 @@ class Pieces(NamedTuple):
             upright: and up.
             height: of the membrane, mm.
         """
-        bottom = np.clip(height, self.low, self.high)
-        seen = (self.high - bottom) / (self.high - self.low)
-        rising = ((self.high + bottom) / 2 - height) * upright
-        along, across, weight = (one[:, None] for one in (self.along, self.across, self.weight))
-        met = np.maximum(along * by_along + across * by_across + rising, 0)
-        return seen * np.einsum("ibj,iaj->aj", weight, met)
+        along, across, square, weight = (one[:, None] for one in self[:4])
+        level = along * by_along + across * by_across
+        light = 0.0
+        for low, high in self.edges:
+            bottom = np.clip(height, low, high)
+            rise = (high + bottom) / 2 - height
+            met = np.maximum(level + rise * upright, 0) / (square + rise * rise) ** 2
+            light = light + (high - bottom) / (high - low) * np.sum(weight * met, axis=0)
+        return light

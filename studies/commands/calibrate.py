@@ -110,6 +110,15 @@ def calibrate_finger(
     label_deviation: Annotated[
         float, typer.Option(metavar="DEG", help="Standard deviation of the joint angles.")
     ] = 0.1,
+    light: Annotated[
+        str | None,
+        typer.Option(
+            metavar="even|LIGHT.toml",
+            help="How the pads are lit: evenly from all sides, or by the lamps in the file's "
+            "[light.red], [light.green] and [light.blue]. 'designopt see' needs it for contacts.",
+            show_default="that of --sensor, if any",
+        ),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an earlier sensor.")] = False,
     no_cache: NoCache = False,
 ) -> int:
@@ -126,13 +135,17 @@ def calibrate_finger(
         raise UserError(f"{own[0]} is that of --sensor; leave it out")
     keep_programs()
     from studies.commands.finger import calibrate_finger_from, read_design, read_with_new_pads
+    from studies.models.sensor.light import read_light
 
+    lit = None if light is None else read_light(light)
     if sensor is not None:
         known = read_with_new_pads(sensor)
     elif lens is None or finger is None:
         raise UserError("--lens LENS.toml and --finger FINGER.toml are missing; name the files")
     else:
         known = read_design(lens, finger, width)
+    if lit is not None:
+        known = known._replace(light=lit)
     lines, warnings = calibrate_finger_from(
         frames,
         known,

@@ -21,6 +21,7 @@ from perception.proprioception import FingerErrors, find_pose, observe
 from studies.commands.frame_lists import label_by_tags, read_frames
 from studies.models.sensor.finger_sensor import FingerSensor
 from studies.models.sensor.lens_in_scene import with_lens
+from studies.models.sensor.light import LampTable, LightTable, read_light
 from studies.models.sensor.made import OF_PADS, with_new_pads
 from studies.models.sensor.sensor_folder import read_sensor
 from studies.models.sensor.spec import FingerImagesSpec
@@ -111,7 +112,7 @@ def test_a_sensor_reads_angles_that_are_not_labelled(finger, folder, capsys):
     out = folder / "my.sensor"
     words = ["calibrate", "finger", str(folder / "frames.csv"), "--lens", str(folder / "lens.toml")]
     words += ["--finger", str(folder / "finger.toml"), "--out", str(out)]
-    assert cli.run([*words, "--gamma", "1"]) == 0
+    assert cli.run([*words, "--gamma", "1", "--light", "even"]) == 0
     captured = capsys.readouterr()
     assert f"frames: {len(ANGLES_DEG)}, {LABELLED} with known joint angles" in captured.out
     assert "missing.png" in captured.err
@@ -140,6 +141,7 @@ def test_a_sensor_reads_angles_that_are_not_labelled(finger, folder, capsys):
     found = read_sensor(again)
     np.testing.assert_allclose(np.degrees(found.angles[2:]), ANGLES_DEG[2:], atol=0.25)
     assert found.scatter < 1.3
+    assert found.light == sensor.light == LightTable()
     (out / "arrays.npz").write_bytes(b"PK nothing")
     with pytest.raises(UserError, match=r"arrays.npz: cannot be read: it is damaged"):
         read_sensor(out)
@@ -176,11 +178,30 @@ def test_new_pads_are_known_by_their_tolerances(finger):
         ([], "--lens LENS.toml and --finger FINGER.toml are missing"),
         (["--only", "pads"], "--only pads goes with --sensor"),
         (["--only", "pads", "--sensor", "x", "--lens", "y"], "--lens is that of --sensor"),
+        (["--light", "bright"], "--light bright: there is no such file; write [light.red]"),
     ],
 )
 def test_what_does_not_go_together_is_one_line(more, line, capsys):
     assert cli.run(["calibrate", "finger", "frames.csv", *more]) == 2
     assert line in capsys.readouterr().err
+
+
+def test_light_is_even_or_that_of_a_file(tmp_path):
+    path = tmp_path / "light.toml"
+    path.write_text('[light.red]\nbeside = "right"\ngap = 1.5\nlow = 1.0\nhigh = 4.0\n')
+    red = LampTable(beside="right", gap=1.5, low=1.0, high=4.0)
+    assert read_light(str(path)) == LightTable(red=red)
+    assert read_light("even") == LightTable()
+    faults = {
+        "[light.red]\nhigh = 2\n": "light.red.beside",
+        "[red]\nhigh = 2\n": "red: no such key",
+        "": "light: ",
+    }
+    for text, message in faults.items():
+        path.write_text(text)
+        with pytest.raises(UserError, match=re.escape(message)) as fault:
+            read_light(str(path))
+        assert "\n" not in str(fault.value)
 
 
 @pytest.mark.parametrize(

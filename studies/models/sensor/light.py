@@ -1,13 +1,16 @@
-"""How a sensor's pads are lit, as a person states it in ``sensor.toml``."""
+"""How a sensor's pads are lit, as a person states it: ``--light``, ``[light]`` of a file."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Literal
 
 import pydantic
 
+from designopt.errors import UserError
+from designopt.io.files import read_toml
 from designopt.io.spec import Spec
-from designopt.io.spec_files import Number
+from designopt.io.spec_files import Number, validated
 from perception.contacts import Lamp
 
 
@@ -56,3 +59,33 @@ class LightTable(Spec):
         if not any(tables):
             return []
         return [None if one is None else one.lamp(length, width) for one in tables]
+
+
+EVEN = "even"
+"""Light that comes from all sides, as ``--light`` names it."""
+
+
+class LightFile(Spec):
+    """The whole file that ``--light`` names."""
+
+    light: LightTable
+
+
+def read_light(given: str) -> LightTable:
+    """The light that ``--light`` states: ``even``, or the ``[light]`` of a file.
+
+    Raises:
+        UserError: it is neither, or the file is wrong.
+
+    Example:
+        >>> read_light("even").lamps(20.0, 10.0)
+        []
+    """
+    if given == EVEN:
+        return LightTable()
+    if not Path(given).is_file():
+        raise UserError(
+            f"--light {given}: there is no such file; write [light.red], [light.green] and "
+            f"[light.blue] into one, or give '{EVEN}'"
+        )
+    return validated(LightFile, read_toml(given, "light"), given).light

@@ -40,9 +40,10 @@ COMMENT = """A sensor, calibrated by designopt calibrate finger. Lengths are mm,
 [scene], [camera], [[mirrors]], [[pads]] and [frames] describe the finger as designed, as in a
 scene's file; [lens] is its camera's lens, as in a lens's file. What was found of the finger itself
 is in arrays.npz: errors in units of the deviations that [tolerances] states.
-[light] is yours to write: without it contacts are not looked for. Empty it is light that comes
-evenly from all sides; [light.red], [light.green], [light.blue] are line lamps beside every pad:
-beside = "left", "right", "from" or "to", gap to the pad's edge, low and high above its membrane."""
+[light] is that of --light, or yours to write: without it contacts are not looked for. Empty it is
+light that comes evenly from all sides; [light.red], [light.green], [light.blue] are line lamps
+beside every pad: beside = "left", "right", "from" or "to", gap to the pad's edge, low and high
+above its membrane."""
 
 
 class SensorTable(Spec):

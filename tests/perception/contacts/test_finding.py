@@ -13,7 +13,7 @@ from designopt import UserError
 from perception.contacts import find_contacts
 from perception.contacts.change import Change
 from perception.contacts.fitting import fit, start_at
-from perception.places import find_sight
+from perception.places import Sight, find_sight
 from perception.unwarping import PER_MM
 from tests.perception.contacts.shaded import (
     Bump,
@@ -31,11 +31,11 @@ needs_mitsuba = pytest.mark.skipif(
 )
 
 
-def found_in(bumps, *, lit, slope=(0.0, 0.0), gamma=1.0, jpeg=None, seed=0):
+def found_in(bumps, *, lit, slope=(0.0, 0.0), gamma=1.0, jpeg=None, seed=0, levels=(0.35, 0.35)):
     generator = np.random.default_rng(seed)
     pressed, flat = (
-        picture_of(light_of(own, lit, slope), generator, gamma=gamma, jpeg=jpeg)
-        for own in (bumps, [])
+        picture_of(light_of(own, lit, slope), generator, gamma=gamma, jpeg=jpeg, level=level)
+        for own, level in zip((bumps, []), levels, strict=True)
     )
     own = lamps() if lit else []
     return find_contacts(pressed, flat, view(), sight(slope), own, response(gamma))
@@ -80,12 +80,51 @@ def test_what_is_lifted_is_found_where_it_is_not_where_it_appears(lit):
     assert math.dist(ignored.center, bump[:2]) > 0.4
 
 
+@pytest.mark.parametrize("lit", [True, False])
+@pytest.mark.parametrize("exposed", [0.7, 1.4])
+def test_exposures_need_not_be_the_same(lit, exposed):
+    bump = Bump(9.0, 2.0, 4.0, 0.8)
+    level = 0.35 if lit else 0.6
+    [found] = found_in([bump], lit=lit, levels=(exposed * level, level))
+    assert found.center == pytest.approx(bump[:2], abs=0.15)
+    assert found.diameter == pytest.approx(bump.diameter, rel=0.1)
+    assert found.depth == pytest.approx(bump.depth, rel=0.4)
+
+
+def test_what_is_dark_shows_less_of_its_change():
+    bump = Bump(9.0, 2.0, 4.0, 0.8)
+    generator = np.random.default_rng(0)
+    # Six codes of 255, by half of which `DARK` would make every contact flatter.
+    pressed, flat = (
+        picture_of(light_of(own, True), generator, level=6 / 255, noise=0.002)
+        for own in ([bump], [])
+    )
+    [found] = find_contacts(pressed, flat, view(), sight(), lamps())
+    assert found.center == pytest.approx(bump[:2], abs=0.15)
+    assert found.diameter == pytest.approx(bump.diameter, rel=0.1)
+    assert found.depth == pytest.approx(bump.depth, rel=0.4)
+
+
+def test_hues_of_blocks_are_no_contacts():
+    generator = np.random.default_rng(4)
+    # A code of chroma, as JPEG keeps it of every block: the sum of the colors stays.
+    hues = np.kron(generator.normal(size=(15, 15, 2)), np.ones((16, 16, 1)))
+    red, blue = 1.402 * hues[..., 0], 1.772 * hues[..., 1]
+    green = -0.714 * hues[..., 0] - 0.344 * hues[..., 1]
+    flat = picture_of(light_of([], False), generator)
+    codes = flat + np.stack([red, green, blue], axis=-1)
+    picture = np.clip(np.rint(codes), 0, 255).astype(np.uint8)
+    assert np.abs(picture.astype(float) - flat).max() > 3
+    assert find_contacts(picture, flat, view(), sight(), []) == []
+
+
 def test_what_lies_in_the_shadow_of_another_contact_is_not_fitted():
     generator = np.random.default_rng(3)
     pressed, flat = (
         picture_of(light_of(own, True), generator) for own in ([Bump(12.0, -5.0, 3.0, 0.6)], [])
     )
-    change, start = Change.of(pressed, flat, sight(), None), start_at(np.array([12.0, -5.0, 1.5]))
+    change = Change.of(pressed, flat, sight(), None, colored=True)
+    start = start_at(np.array([12.0, -5.0, 1.5]))
     lit = [lamps()[0], None, None]
     assert fit(change, start, np.zeros((0, 3)), lit) is not None
     assert fit(change, start, np.array([[12.0, 9.0, 6.0]]), lit) is None
@@ -116,6 +155,28 @@ def test_nothing_is_claimed_where_nothing_is(lit, jpeg):
     assert claimed == 0
 
 
+@pytest.mark.parametrize("side", [np.s_[:12], np.s_[-12:], np.s_[:, :12], np.s_[:, -12:]])
+def test_a_view_with_a_dark_side_claims_nothing(side):
+    generator = np.random.default_rng(2)
+    pressed, flat = (
+        picture_of(light_of(own, True), generator) for own in ([Bump(12.0, 0.0, 4.0, 0.8)], [])
+    )
+    assert len(find_contacts(pressed, flat, view(), sight(), lamps())) == 1
+    pressed[side] //= 10
+    assert find_contacts(pressed, flat, view(), sight(), lamps()) == []
+
+
+def test_a_contact_that_is_seen_flat_in_part_is_not_claimed():
+    generator = np.random.default_rng(2)
+    pressed, flat = (
+        picture_of(light_of(own, True), generator) for own in ([Bump(10.0, 0.0, 4.0, 0.8)], [])
+    )
+    slopes, pixels = np.zeros((13, 13, 2)), np.full((13, 13, 2), 1 / PER_MM)
+    assert len(find_contacts(pressed, flat, view(), Sight(slopes, pixels), lamps())) == 1
+    pixels[6:, :, 0] *= 2  # from the middle on
+    assert find_contacts(pressed, flat, view(), Sight(slopes, pixels), lamps()) == []
+
+
 def test_flat_views_and_dark_ones_claim_nothing():
     generator = np.random.default_rng(2)
     bump = [Bump(12.0, 0.0, 4.0, 0.8)]
@@ -137,7 +198,7 @@ def test_flat_views_and_dark_ones_claim_nothing():
 )
 def test_pictures_of_other_kinds_are_refused(picture, reference, message):
     with pytest.raises(UserError, match=message):
-        Change.of(picture, reference, sight(), None)
+        Change.of(picture, reference, sight(), None, colored=True)
 
 
 def test_pictures_of_two_sizes_are_refused():
