@@ -101,7 +101,7 @@ def routines(public: Any) -> list[Any]:
     own = [public]
     if inspect.isclass(public):
         own = [getattr(public, name) for name in vars(public) if name[0] != "_"]
-    return [one for one in own if inspect.isroutine(one)]
+    return [one for one in own if inspect.isroutine(one) and callable(one)]
 
 
 def test_every_public_function_with_an_image_is_here():

@@ -140,6 +140,15 @@ def test_every_view_gets_its_name_its_corners_and_near_angles(pose):
     np.testing.assert_allclose(sighting.angles, pose, atol=2 * STEP)
 
 
+def test_a_family_s_ends_are_ordered_as_those_of_a_quadrilateral_in_the_image():
+    for family in KNOWN.families:
+        for corners, quad, rows in zip(family.corners, family.as_quads, family.rows, strict=True):
+            assert {tuple(corner) for corner in quad} == {tuple(corner) for corner in corners}
+            lower, upper = sorted([corners[[0, 3], 1].mean(), corners[[1, 2], 1].mean()])[::-1]
+            assert rows.tolist() == pytest.approx([lower, upper])
+            assert quad[[0, 3], 1].mean() == pytest.approx(lower)
+
+
 def test_in_any_order_corners_rays_and_covariances_are_those_of_a_pad():
     quads = []
     for quad in quads_of(corners_in(BOTH)):
