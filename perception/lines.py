@@ -32,6 +32,9 @@ RUNS = SHARES - SHARES[:, None] + ITSELF
 """From each place of a side to the others; 1 to itself."""
 
 
+BySide = Float[np.ndarray, " sides"]
+
+
 @dataclass(frozen=True, eq=False)
 class Lines:
     """Sides of several views, moved outward by ``offset + turn · share``.
@@ -75,14 +78,22 @@ def fit_lines(edges: Edges) -> Lines:
     medians = Medians(found)
     factors = scale**2, scale * leaning, leaning**2, scale * offsets, leaning * offsets
     products = np.stack(factors, axis=1)
-    offset, turn = _repeated_medians(bare, found, medians)
-    for _ in range(ROUNDS):
-        left = offsets - scale * offset[:, None] - leaning * turn[:, None]
-        far = left / (TUKEY * _deviation(left, medians))[:, None]
-        weights = np.where(found, np.maximum(1 - far**2, 0) ** 2, 0.0)
-        offset, turn, normal = _weighted(products, weights)
-    left = offsets - scale * offset[:, None] - leaning * turn[:, None]
-    deviation = _deviation(left, medians)
+
+    def residuals(line: tuple[BySide, BySide]) -> tuple[np.ndarray, BySide]:
+        left = offsets - scale * line[0][:, None] - leaning * line[1][:, None]
+        # The standard deviation of most of them, which is never quite 0.
+        return left, np.maximum(1.4826 * medians.of(np.abs(left)), LEAST_SCATTER)
+
+    def reweighted(line: tuple[BySide, BySide]) -> np.ndarray:
+        left, deviation = residuals(line)
+        far = left / (TUKEY * deviation)[:, None]
+        return np.where(found, np.maximum(1 - far**2, 0) ** 2, 0.0)
+
+    weights = reweighted(_repeated_medians(bare, found, medians))
+    for _ in range(ROUNDS - 1):
+        weights = reweighted(_weighted(products, weights)[0])
+    (offset, turn), (corner, mixed, other) = _weighted(products, weights)
+    left, deviation = residuals((offset, turn))
     count = found.sum(axis=1)
     variance = np.sum(weights * left**2, axis=1) / np.maximum(weights.sum(axis=1) - 2, 1)
     furthest = (TUKEY * deviation)[:, None]
@@ -91,8 +102,7 @@ def fit_lines(edges: Edges) -> Lines:
     mean_square = np.sum(near**2, axis=1) / np.maximum(count, 1)
     alike = np.sum(near[:, 1:] * near[:, :-1], axis=1) / pairs / np.maximum(mean_square, 1e-12)
     alike = np.clip(alike, 0.0, 0.9)
-    first, mixed, second = normal
-    inverse = np.stack([second, -mixed, -mixed, first]) / (first * second - mixed**2)
+    inverse = np.stack([other, -mixed, -mixed, corner]) / (corner * other - mixed**2)
     independent = (variance * inverse).T.reshape(-1, 2, 2)
     covariance = ((1 + alike) / (1 - alike))[:, None, None] * independent
     roughness = covariance - (1 - alike)[:, None, None] * independent
@@ -116,13 +126,6 @@ def fit_lines(edges: Edges) -> Lines:
     )
 
 
-def _deviation(
-    left: Float[np.ndarray, "sides places"], medians: Medians
-) -> Float[np.ndarray, " sides"]:
-    """Standard deviation of most of the residuals; never quite 0."""
-    return np.maximum(1.4826 * medians.of(np.abs(left)), LEAST_SCATTER)
-
-
 def _bends(
     left: Float[np.ndarray, "sides places"],
     deviation: Float[np.ndarray, " sides"],
@@ -141,12 +144,8 @@ def _bends(
 
 def _weighted(
     products: Float[np.ndarray, "sides 5 places"], weights: Float[np.ndarray, "sides places"]
-) -> tuple[
-    Float[np.ndarray, " sides"],
-    Float[np.ndarray, " sides"],
-    tuple[Float[np.ndarray, " sides"], ...],
-]:
-    """Weighted least squares of two unknowns, and their normal matrix: its corners and the rest.
+) -> tuple[tuple[BySide, BySide], tuple[BySide, BySide, BySide]]:
+    """Weighted least squares of two unknowns; of their normal matrix the corners and the rest.
 
     Args:
         products: of the unknowns' factors: both of the first, one of each, both of the second, and
@@ -160,14 +159,14 @@ def _weighted(
     determinant = first * second - mixed**2
     offset = (second * wanted[0] - mixed * wanted[1]) / determinant
     turn = (first * wanted[1] - mixed * wanted[0]) / determinant
-    return offset, turn, (first, mixed, second)
+    return (offset, turn), (first, mixed, second)
 
 
 def _repeated_medians(
     offsets: Float[np.ndarray, "sides places"],
     found: Bool[np.ndarray, "sides places"],
     medians: Medians,
-) -> tuple[Float[np.ndarray, " sides"], Float[np.ndarray, " sides"]]:
+) -> tuple[BySide, BySide]:
     """Offset and turn of every side: of each place the median turn to the others, of these again.
 
     A line added to all of the edges is added to the result, however bad the edges are.

@@ -231,7 +231,7 @@ def find_edges(
     contrast = inside - outside
     crossings, there = _falling(profile, start, inside[:, None] - contrast[:, None] * QUARTERS)
     begins, middle, ends = SAMPLE * crossings.T - REACH
-    found = there.all(axis=1)
+    found = np.asarray(there.all(axis=1))
     width = Medians(found.reshape(shape)).of((ends - begins).reshape(shape))
     # Where a view is too thin, as at its acute corners, another side's edge is in the way.
     thick = np.repeat(FEET * width.ravel() + REACH * (1 - BRIGHTER), POINTS)

@@ -115,7 +115,7 @@ class Pieces(NamedTuple):
         """
         along, across, square, weight = (one[:, None] for one in self[:4])
         level = along * by_along + across * by_across
-        light = 0.0
+        light = np.zeros(1)
         for low, high in self.edges:
             bottom = np.clip(height, low, high)
             rise = (high + bottom) / 2 - height

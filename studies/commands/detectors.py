@@ -74,7 +74,7 @@ class Detectors:
         It waits while as many images are looked at as there is room for.
         """
         number = self._free.get()
-        memoryview(self._slots[number]).cast("B")[:] = memoryview(image).cast("B")
+        memoryview(self._slots[number]).cast("B")[:] = image.data.cast("B")
         found = self._pool.submit(_found, number)
         found.add_done_callback(lambda _: self._free.put(number))
         return found
@@ -135,7 +135,7 @@ def _found(number: int) -> Sighting:
     import numpy as np
 
     shape = *_detect.keywords["lens"].shape, 3
-    return _detect(np.frombuffer(_slots[number], np.uint8).reshape(shape))
+    return _detect(np.frombuffer(memoryview(_slots[number]), np.uint8).reshape(shape))
 
 
 def _nothing() -> None:

@@ -162,7 +162,7 @@ def test_views_together_have_the_edges_and_lines_of_each_by_itself(lamp):
     every = Sides(*(np.concatenate([getattr(one, name) for one in own]) for name in names))
     together = find_edges(gray, LENS, every, lamps)
     lines = fit_lines(together)
-    assert together.found.any(axis=(1, 2))[[0, 2]].all()
+    assert np.any(together.found[[0, 2]], axis=(1, 2)).all()
     for i, one in enumerate(own):
         alone = find_edges(gray, LENS, one, lamps)
         for all_views, view in [(together, alone), (lines, fit_lines(alone))]:
