@@ -19,21 +19,22 @@ from designopt.fitting import Fit, least_squares, robust_residuals
 from designopt.numerics import safe_sqrt
 from optics.calibration.fisheye import Fisheye
 
-LENS = 9
-"""Parameters of a lens: focal length, principal point, k₁ … k₄, e₂, e₄."""
+Parameters = Float[Array, " parameters"]
+"""Of a lens: focal length, principal point, k₁, k₂, …, e₂, e₄."""
 
 POSE = 6
 """Parameters of a board's pose: a turn after that of its start, and a translation."""
 
-OWN = LENS + POSE
-"""Parameters that the corners of one picture depend on."""
-
-TOLERANCE, STEPS = 1e-10, 100
-"""Of the search, and a cap on its steps."""
+TOLERANCE, STEPS = 1e-9, 100
+"""Of the search, where one is a step that changes residuals by `BOLD` times their norm, and a cap
+on its steps. It is a ten-thousandth of a deviation; with less, rounding decides on the end."""
 
 BOLD = 1e3
 """First steps are nearly those of Gauss and Newton: from a fit to other corners 9 are enough, not
 30, and from a rough start they are as many."""
+
+ROUNDING = 1e-12
+"""Added to the cosines between effects of parameters: the least that has a triangular root."""
 
 POSE_STEPS = 30
 """Cap on the steps of the search for a single pose."""
@@ -69,15 +70,17 @@ class Poses(eqx.Module):
 
 
 class Prior(NamedTuple):
-    """What is known of the lens before, in the order of its parameters.
+    """What is known of the lens before: a normal distribution of its parameters, in their order.
 
     Attributes:
         mean: the expected parameters.
-        deviation: their standard deviations; 0 holds a parameter where it is.
+        root: of their covariance, root rootᵀ; a row of zeros holds a parameter where it is. The
+            search is in units of its columns, so these should be as independent in pictures as may
+            be.
     """
 
-    mean: Float[np.ndarray, "9"]
-    deviation: Float[np.ndarray, "9"]
+    mean: Float[np.ndarray, " parameters"]
+    root: Float[np.ndarray, "parameters parameters"]
 
 
 class Bundle(NamedTuple):
@@ -97,20 +100,20 @@ class Bundle(NamedTuple):
     lens: Fisheye
     poses: Poses
     residuals: Float[np.ndarray, "pictures most 2"]
-    covariance: Float[np.ndarray, "9 9"]
+    covariance: Float[np.ndarray, "parameters parameters"]
     solved: bool
     scatter: float
 
 
-def parameters_of(lens: Fisheye) -> Float[np.ndarray, "9"]:
-    """Focal length, principal point, k₁ … k₄, e₂ and e₄."""
+def parameters_of(lens: Fisheye) -> Float[np.ndarray, " parameters"]:
+    """Focal length, principal point, k₁, k₂, …, e₂ and e₄."""
     parts = lens.focal[None], lens.principal, lens.coefficients, lens.pupil_shift
     return np.concatenate([np.asarray(part) for part in parts])
 
 
-def lens_of(parameters: Float[Array, "9"] | Float[np.ndarray, "9"]) -> Fisheye:
+def lens_of(parameters: Parameters | Float[np.ndarray, " parameters"]) -> Fisheye:
     """The lens of these parameters; inverts `parameters_of`."""
-    return Fisheye(parameters[0], parameters[1:3], parameters[3:7], parameters[7:9])
+    return Fisheye(parameters[0], parameters[1:3], parameters[3:-2], parameters[-2:])
 
 
 def adjust(
@@ -125,9 +128,10 @@ def adjust(
         prior: of the lens.
         robust: whether corners off by many deviations count less.
     """
-    start = jnp.asarray(parameters_of(lens))
-    mean, deviation = map(jnp.asarray, prior)
-    found = _adjusted(sightings, start, poses, mean, deviation, jnp.asarray(robust))
+    off = parameters_of(lens) - prior.mean
+    # Of a parameter that is held, the column of zeros has the coordinate 0.
+    start = jnp.asarray(np.linalg.lstsq(prior.root, off)[0])
+    found = _adjusted(sightings, start, poses, *map(jnp.asarray, prior), jnp.asarray(robust))
     parameters, moved, left, solved, covariance, scatter = found
     arrays = np.asarray(left), np.asarray(covariance)
     return Bundle(lens_of(parameters), moved, *arrays, bool(solved), float(scatter))
@@ -147,7 +151,7 @@ def turn(vector: Float[Array, "3"]) -> Float[Array, "3 3"]:
 
 
 def place_errors(
-    lens: Float[Array, "9"],
+    lens: Parameters,
     pose: Float[Array, "6"],
     base: tuple[Float[Array, "3 3"], Float[Array, "3"]],
     points: Float[Array, "most 2"],
@@ -161,91 +165,99 @@ def place_errors(
 @eqx.filter_jit
 def _adjusted(
     sightings: Sightings,
-    start: Float[Array, "9"],
+    start: Parameters,
     poses: Poses,
-    mean: Float[Array, "9"],
-    deviation: Float[Array, "9"],
+    mean: Parameters,
+    root: Float[Array, "parameters parameters"],
     robust: Bool[Array, ""],
 ) -> tuple[Array, Poses, Array, Array, Array, Array]:
-    count, _ = sightings.deviations.shape
+    (count, _), own = sightings.deviations.shape, len(start)
     weights = jnp.where(sightings.used, 1 / sightings.deviations, 0.0)
     there = jnp.isfinite(sightings.places)
     places = jnp.where(there, sightings.places, 0.0)
-    free = deviation > 0
-    start = jnp.where(free, start, mean)
 
     def pictures(values: Array) -> tuple[Array, Array]:
-        return values[:LENS], values[LENS:].reshape(count, POSE)
+        return values[:own], values[own:].reshape(count, POSE)
 
     def weighted(lens: Array, pose: Array, *one: Array) -> Array:
         turns, shifts, points, seen, weight = one
-        off = place_errors(lens, pose, (turns, shifts), points, seen) * weight[:, None]
+        off = place_errors(mean + root @ lens, pose, (turns, shifts), points, seen)
+        off *= weight[:, None]
         # What is not seen may have no place.
         off = jnp.where(weight[:, None] > 0, off, 0.0).reshape(-1)
         return jnp.where(robust, robust_residuals(off), off)
 
     given = poses.turns, poses.shifts, sightings.points, places, weights
-    spread = jnp.where(free, deviation, 1.0)
 
-    def condensed(lens: Array, pose: Array, *one: Array) -> tuple[Array, Array]:
+    share = 1 / jnp.sqrt(jnp.asarray(count, dtype=start.dtype))
+
+    def condensed(lens: Array, pose: Array, *one: Array) -> tuple[Array, Array, Array]:
         """One picture in as few numbers as it has parameters, with the same squares and slopes.
 
         An orthogonal map leaves sums of squares, gradients and normal equations as they are: to
-        hundreds of corners belong `OWN` residuals that depend on parameters and the norm of what
-        does not. Poses come first, so that the last rows are free of them.
+        hundreds of corners belong as many residuals that depend on parameters, and the norm of what
+        does not. Poses come first, so that the last rows are free of them. Each picture has its
+        share of the prior, without which rounding would turn the map wherever the picture does not
+        determine the lens. The last of what is returned is how many of the numbers on the lens
+        are the picture's.
         """
         by_lens, by_pose = jax.jacfwd(weighted, (0, 1))(lens, pose, *one)
-        slopes = jnp.concatenate([by_pose, jnp.where(free[None], by_lens, 0.0)], axis=1)
-        basis, triangle = jnp.linalg.qr(slopes)
-        left = weighted(lens, pose, *one)
+        slopes = jnp.concatenate([by_pose, by_lens], axis=1)
+        prior = jnp.pad(share * jnp.eye(own), ((0, 0), (POSE, 0)))
+        basis, triangle = jnp.linalg.qr(jnp.concatenate([slopes, prior]))
+        left = jnp.append(weighted(lens, pose, *one), share * lens)
         along = basis.T @ left
         rest = safe_sqrt(jnp.sum((left - basis @ along) ** 2))
-        return jnp.append(along, rest), triangle
+        return jnp.append(along, rest), triangle, jnp.sum(basis[:-own, POSE:] ** 2)
 
     every_picture = jax.vmap(condensed, (None, 0, 0, 0, 0, 0, 0))
 
     def residuals(values: Array, _: None) -> Array:
         lens, pose = pictures(values)
         seen = every_picture(lens, pose, *given)[0]
-        before = (lens - mean) / spread, pose.reshape(-1) / LOOSE
-        return jnp.concatenate([seen.reshape(-1), *before])
+        return jnp.concatenate([seen.reshape(-1), pose.reshape(-1) / LOOSE])
 
     def jacobian(values: Array, _: None) -> Array:
         triangles = every_picture(*pictures(values), *given)[1]
         slopes = jnp.pad(triangles, ((0, 0), (0, 1), (0, 0)))
-        by_pose, by_lens = slopes[..., :POSE], slopes[..., POSE:].reshape(-1, LENS)
+        by_pose, by_lens = slopes[..., :POSE], slopes[..., POSE:].reshape(-1, own)
         apart = by_pose[:, :, None, :] * jnp.eye(count)[:, None, :, None]
         seen = jnp.concatenate([by_lens, apart.reshape(-1, count * POSE)], axis=1)
-        before = jnp.concatenate([1 / spread, jnp.full(count * POSE, 1 / LOOSE)])
-        return jnp.concatenate([seen, jnp.diag(before)])
+        before = jnp.pad(jnp.eye(count * POSE) / LOOSE, ((0, 0), (own, 0)))
+        return jnp.concatenate([seen, before])
 
-    # A step of one in any direction changes the residuals alike: Marquardt's scaling. Damping
+    # A step of one in any direction changes the residuals alike, at the start: Marquardt's scaling
+    # goes as far for single parameters only, and high powers of an angle are much alike. Damping
     # begins as the square of one over `BOLD`.
     begin = jnp.concatenate([start, jnp.zeros(count * POSE)])
     size = jnp.linalg.norm(residuals(begin, None))
-    unit = BOLD * size / jnp.linalg.norm(jacobian(begin, None), axis=0)
+    slopes = jacobian(begin, None)
+    lengths = jnp.linalg.norm(slopes, axis=0)
+    scaled = slopes / lengths
+    lower = jnp.linalg.cholesky(scaled.T @ scaled + ROUNDING * jnp.eye(len(begin)))
+    unit = jax.scipy.linalg.solve_triangular(lower, jnp.diag(BOLD * size / lengths), lower=True).T
     fit: Fit = least_squares(
-        lambda z, _: residuals(begin + unit * z, None),
+        lambda z, _: residuals(begin + unit @ z, None),
         jnp.zeros_like(begin),
-        jacobian=lambda z, _: jacobian(begin + unit * z, None) * unit[None],
+        jacobian=lambda z, _: jacobian(begin + unit @ z, None) @ unit,
         tolerance=TOLERANCE,
         max_steps=STEPS,
         differentiable=False,
     )
-    values = begin + unit * fit.solution.value
+    values = begin + unit @ fit.solution.value
     lens, pose = pictures(values)
-    left = jax.vmap(place_errors, (None, 0, 0, 0, 0))(lens, pose, given[:2], *given[2:4])
+    found = mean + root @ lens
+    left = jax.vmap(place_errors, (None, 0, 0, 0, 0))(found, pose, given[:2], *given[2:4])
     left = jnp.where(there, left, 0.0)
     moved = Poses(jax.vmap(turn)(pose[:, :3]) @ poses.turns, poses.shifts + pose[:, 3:])
-    covariance = (fit.covariance * unit[None] * unit[:, None])[:LENS, :LENS]
-    covariance = jnp.where(free[None] & free[:, None], covariance, 0.0)
-    seen, triangles = every_picture(lens, pose, *given)
-    own, slopes = seen[:, POSE:OWN], triangles[:, POSE:, POSE:]
-    expected = LENS - jnp.einsum("pij,jk,pik->p", slopes, covariance, slopes)
+    covariance = (unit @ fit.covariance @ unit.T)[:own, :own]
+    seen, triangles, numbers = every_picture(lens, pose, *given)
+    lower, slopes = seen[:, POSE:-1], triangles[:, POSE:, POSE:]
+    expected = numbers - jnp.einsum("pij,jk,pik->p", slopes, covariance, slopes)
     shown = jnp.any(weights > 0, axis=1)
-    scatter = jnp.sum(jnp.where(shown[:, None], own**2, 0.0))
+    scatter = jnp.sum(jnp.where(shown[:, None], lower**2, 0.0))
     scatter /= jnp.maximum(jnp.sum(jnp.where(shown, expected, 0.0)), 1.0)
-    return lens, moved, left, fit.solution.ok, covariance, scatter
+    return found, moved, left, fit.solution.ok, root @ covariance @ root.T, scatter
 
 
 def find_poses(
@@ -267,7 +279,7 @@ def find_poses(
 
 
 @eqx.filter_jit
-def _posed(lens: Float[Array, "9"], sightings: Sightings, poses: Poses) -> tuple[Poses, Array]:
+def _posed(lens: Parameters, sightings: Sightings, poses: Poses) -> tuple[Poses, Array]:
     def one(base: tuple[Array, Array], points: Array, places: Array, weight: Array) -> Any:
         def residuals(values: Array, _: None) -> Array:
             off = place_errors(lens, values, base, points, places) * weight[:, None]
