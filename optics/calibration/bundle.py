@@ -25,16 +25,13 @@ Parameters = Float[Array, " parameters"]
 POSE = 6
 """Parameters of a board's pose: a turn after that of its start, and a translation."""
 
-TOLERANCE, STEPS = 1e-9, 100
-"""Of the search, where one is a step that changes residuals by `BOLD` times their norm, and a cap
-on its steps. It is a ten-thousandth of a deviation; with less, rounding decides on the end."""
+TOLERANCE, STEPS = 1e-9, 30
+"""Of the search, and a cap on its steps: ten or so find a minimum; then rounding turns residuals
+about where pictures do not determine the lens, and the search may not see that it has ended."""
 
 BOLD = 1e3
 """First steps are nearly those of Gauss and Newton: from a fit to other corners 9 are enough, not
 30, and from a rough start they are as many."""
-
-ROUNDING = 1e-12
-"""Added to the cosines between effects of parameters: the least that has a triangular root."""
 
 POSE_STEPS = 30
 """Cap on the steps of the search for a single pose."""
@@ -189,33 +186,27 @@ def _adjusted(
 
     given = poses.turns, poses.shifts, sightings.points, places, weights
 
-    share = 1 / jnp.sqrt(jnp.asarray(count, dtype=start.dtype))
-
-    def condensed(lens: Array, pose: Array, *one: Array) -> tuple[Array, Array, Array]:
+    def condensed(lens: Array, pose: Array, *one: Array) -> tuple[Array, Array]:
         """One picture in as few numbers as it has parameters, with the same squares and slopes.
 
         An orthogonal map leaves sums of squares, gradients and normal equations as they are: to
         hundreds of corners belong as many residuals that depend on parameters, and the norm of what
-        does not. Poses come first, so that the last rows are free of them. Each picture has its
-        share of the prior, without which rounding would turn the map wherever the picture does not
-        determine the lens. The last of what is returned is how many of the numbers on the lens
-        are the picture's.
+        does not. Poses come first, so that the last rows are free of them.
         """
         by_lens, by_pose = jax.jacfwd(weighted, (0, 1))(lens, pose, *one)
         slopes = jnp.concatenate([by_pose, by_lens], axis=1)
-        prior = jnp.pad(share * jnp.eye(own), ((0, 0), (POSE, 0)))
-        basis, triangle = jnp.linalg.qr(jnp.concatenate([slopes, prior]))
-        left = jnp.append(weighted(lens, pose, *one), share * lens)
+        basis, triangle = jnp.linalg.qr(slopes)
+        left = weighted(lens, pose, *one)
         along = basis.T @ left
         rest = safe_sqrt(jnp.sum((left - basis @ along) ** 2))
-        return jnp.append(along, rest), triangle, jnp.sum(basis[:-own, POSE:] ** 2)
+        return jnp.append(along, rest), triangle
 
     every_picture = jax.vmap(condensed, (None, 0, 0, 0, 0, 0, 0))
 
     def residuals(values: Array, _: None) -> Array:
         lens, pose = pictures(values)
         seen = every_picture(lens, pose, *given)[0]
-        return jnp.concatenate([seen.reshape(-1), pose.reshape(-1) / LOOSE])
+        return jnp.concatenate([seen.reshape(-1), lens, pose.reshape(-1) / LOOSE])
 
     def jacobian(values: Array, _: None) -> Array:
         triangles = every_picture(*pictures(values), *given)[1]
@@ -223,36 +214,34 @@ def _adjusted(
         by_pose, by_lens = slopes[..., :POSE], slopes[..., POSE:].reshape(-1, own)
         apart = by_pose[:, :, None, :] * jnp.eye(count)[:, None, :, None]
         seen = jnp.concatenate([by_lens, apart.reshape(-1, count * POSE)], axis=1)
-        before = jnp.pad(jnp.eye(count * POSE) / LOOSE, ((0, 0), (own, 0)))
-        return jnp.concatenate([seen, before])
+        before = jnp.concatenate([jnp.ones(own), jnp.full(count * POSE, 1 / LOOSE)])
+        return jnp.concatenate([seen, jnp.diag(before)])
 
-    # A step of one in any direction changes the residuals alike, at the start: Marquardt's scaling
-    # goes as far for single parameters only, and high powers of an angle are much alike. Damping
+    # A step of one in any direction changes the residuals alike: Marquardt's scaling. Damping
     # begins as the square of one over `BOLD`.
     begin = jnp.concatenate([start, jnp.zeros(count * POSE)])
     size = jnp.linalg.norm(residuals(begin, None))
-    slopes = jacobian(begin, None)
-    lengths = jnp.linalg.norm(slopes, axis=0)
-    scaled = slopes / lengths
-    lower = jnp.linalg.cholesky(scaled.T @ scaled + ROUNDING * jnp.eye(len(begin)))
-    unit = jax.scipy.linalg.solve_triangular(lower, jnp.diag(BOLD * size / lengths), lower=True).T
+    unit = BOLD * size / jnp.linalg.norm(jacobian(begin, None), axis=0)
     fit: Fit = least_squares(
-        lambda z, _: residuals(begin + unit @ z, None),
+        lambda z, _: residuals(begin + unit * z, None),
         jnp.zeros_like(begin),
-        jacobian=lambda z, _: jacobian(begin + unit @ z, None) @ unit,
+        jacobian=lambda z, _: jacobian(begin + unit * z, None) * unit[None],
         tolerance=TOLERANCE,
         max_steps=STEPS,
         differentiable=False,
     )
-    values = begin + unit @ fit.solution.value
+    values = begin + unit * fit.solution.value
     lens, pose = pictures(values)
     found = mean + root @ lens
     left = jax.vmap(place_errors, (None, 0, 0, 0, 0))(found, pose, given[:2], *given[2:4])
     left = jnp.where(there, left, 0.0)
     moved = Poses(jax.vmap(turn)(pose[:, :3]) @ poses.turns, poses.shifts + pose[:, 3:])
-    covariance = (unit @ fit.covariance @ unit.T)[:own, :own]
-    seen, triangles, numbers = every_picture(lens, pose, *given)
+    covariance = (fit.covariance * unit[None] * unit[:, None])[:own, :own]
+    seen, triangles = every_picture(lens, pose, *given)
     lower, slopes = seen[:, POSE:-1], triangles[:, POSE:, POSE:]
+    # Few corners have fewer numbers on the lens.
+    corners = jnp.sum(weights > 0, axis=1, dtype=weights.dtype)
+    numbers = jnp.clip(2 * corners - POSE, 0, own)
     expected = numbers - jnp.einsum("pij,jk,pik->p", slopes, covariance, slopes)
     shown = jnp.any(weights > 0, axis=1)
     scatter = jnp.sum(jnp.where(shown[:, None], lower**2, 0.0))
