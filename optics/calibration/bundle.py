@@ -16,7 +16,6 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from designopt.fitting import Fit, least_squares, robust_residuals
-from designopt.numerics import safe_sqrt
 from optics.calibration.fisheye import Fisheye
 
 Parameters = Float[Array, " parameters"]
@@ -25,7 +24,7 @@ Parameters = Float[Array, " parameters"]
 POSE = 6
 """Parameters of a board's pose: a turn after that of its start, and a translation."""
 
-TOLERANCE, STEPS = 1e-9, 30
+TOLERANCE, STEPS = 1e-9, 20
 """Of the search, and a cap on its steps: ten or so find a minimum; then rounding turns residuals
 about where pictures do not determine the lens, and the search may not see that it has ended."""
 
@@ -35,6 +34,10 @@ BOLD = 1e3
 
 POSE_STEPS = 30
 """Cap on the steps of the search for a single pose."""
+
+BLOCK = 128
+"""Rows that are factorised at once. OpenBLAS gives matrices of more than 8192 numbers to threads,
+for which those of XLA do not make room: on two cores it took a hundred times as long."""
 
 LOOSE = 1e3
 """Standard deviation of a pose before anything is seen, rad and mm: no information."""
@@ -194,12 +197,8 @@ def _adjusted(
         does not. Poses come first, so that the last rows are free of them.
         """
         by_lens, by_pose = jax.jacfwd(weighted, (0, 1))(lens, pose, *one)
-        slopes = jnp.concatenate([by_pose, by_lens], axis=1)
-        basis, triangle = jnp.linalg.qr(slopes)
-        left = weighted(lens, pose, *one)
-        along = basis.T @ left
-        rest = safe_sqrt(jnp.sum((left - basis @ along) ** 2))
-        return jnp.append(along, rest), triangle
+        triangle = _triangle(jnp.column_stack([by_pose, by_lens, weighted(lens, pose, *one)]))
+        return triangle[:, -1], triangle[:, :-1]
 
     every_picture = jax.vmap(condensed, (None, 0, 0, 0, 0, 0, 0))
 
@@ -210,8 +209,8 @@ def _adjusted(
 
     def jacobian(values: Array, _: None) -> Array:
         triangles = every_picture(*pictures(values), *given)[1]
-        slopes = jnp.pad(triangles, ((0, 0), (0, 1), (0, 0)))
-        by_pose, by_lens = slopes[..., :POSE], slopes[..., POSE:].reshape(-1, own)
+        # The norm of what does not depend on parameters has no slope.
+        by_pose, by_lens = triangles[..., :POSE], triangles[..., POSE:].reshape(-1, own)
         apart = by_pose[:, :, None, :] * jnp.eye(count)[:, None, :, None]
         seen = jnp.concatenate([by_lens, apart.reshape(-1, count * POSE)], axis=1)
         before = jnp.concatenate([jnp.ones(own), jnp.full(count * POSE, 1 / LOOSE)])
@@ -238,7 +237,7 @@ def _adjusted(
     moved = Poses(jax.vmap(turn)(pose[:, :3]) @ poses.turns, poses.shifts + pose[:, 3:])
     covariance = (fit.covariance * unit[None] * unit[:, None])[:own, :own]
     seen, triangles = every_picture(lens, pose, *given)
-    lower, slopes = seen[:, POSE:-1], triangles[:, POSE:, POSE:]
+    lower, slopes = seen[:, POSE:-1], triangles[:, POSE:-1, POSE:]
     # Few corners have fewer numbers on the lens.
     corners = jnp.sum(weights > 0, axis=1, dtype=weights.dtype)
     numbers = jnp.clip(2 * corners - POSE, 0, own)
@@ -247,6 +246,18 @@ def _adjusted(
     scatter = jnp.sum(jnp.where(shown[:, None], lower**2, 0.0))
     scatter /= jnp.maximum(jnp.sum(jnp.where(shown, expected, 0.0)), 1.0)
     return found, moved, left, fit.solution.ok, root @ covariance @ root.T, scatter
+
+
+def _triangle(matrix: Float[Array, "rows columns"]) -> Float[Array, "columns columns"]:
+    """The triangular factor of a tall matrix, of factors of its blocks.
+
+    Source: J. Demmel et al., *Communication-optimal parallel and sequential QR and LU
+    factorizations*, SIAM J. Sci. Comput. 34 (2012), which is not read.
+    """
+    rows, columns = matrix.shape
+    blocks = jnp.pad(matrix, ((0, -rows % BLOCK), (0, 0))).reshape(-1, BLOCK, columns)
+    triangles = jax.vmap(lambda block: jnp.linalg.qr(block, mode="r"))(blocks)
+    return jnp.linalg.qr(triangles.reshape(-1, columns), mode="r")
 
 
 def find_poses(
