@@ -42,7 +42,7 @@ def prior_of(lens: Fisheye, size: tuple[int, int]) -> Prior:
     Example:
         >>> prior = prior_of(Fisheye(400.0, np.zeros(2), np.zeros(8), np.zeros(2)), (1280, 960))
         >>> np.sqrt(np.sum(prior.root**2, axis=1))[:4].round(2).tolist()
-        [400.0, 128.0, 128.0, 0.84]
+        [400.0, 128.0, 128.0, 0.54]
     """
     mean, terms = parameters_of(lens), len(lens.coefficients)
     root = np.diag([mean[0], *2 * [ASIDE * size[0]], *terms * [0.0], *PUPIL])
