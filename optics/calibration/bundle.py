@@ -200,15 +200,18 @@ def _adjusted(
         triangle = _triangle(jnp.column_stack([by_pose, by_lens, weighted(lens, pose, *one)]))
         return triangle[:, -1], triangle[:, :-1]
 
-    every_picture = jax.vmap(condensed, (None, 0, 0, 0, 0, 0, 0))
+    def every_picture(lens: Array, poses: Array) -> tuple[Array, Array]:
+        # One after the other: jaxlib factorises a batch in threads, and two batches at a time, of
+        # residuals and of slopes, wait for each other's threads for ever.
+        return jax.lax.map(lambda one: condensed(lens, *one), (poses, *given))
 
     def residuals(values: Array, _: None) -> Array:
         lens, pose = pictures(values)
-        seen = every_picture(lens, pose, *given)[0]
+        seen = every_picture(lens, pose)[0]
         return jnp.concatenate([seen.reshape(-1), lens, pose.reshape(-1) / LOOSE])
 
     def jacobian(values: Array, _: None) -> Array:
-        triangles = every_picture(*pictures(values), *given)[1]
+        triangles = every_picture(*pictures(values))[1]
         # The norm of what does not depend on parameters has no slope.
         by_pose, by_lens = triangles[..., :POSE], triangles[..., POSE:].reshape(-1, own)
         apart = by_pose[:, :, None, :] * jnp.eye(count)[:, None, :, None]
@@ -236,7 +239,7 @@ def _adjusted(
     left = jnp.where(there, left, 0.0)
     moved = Poses(jax.vmap(turn)(pose[:, :3]) @ poses.turns, poses.shifts + pose[:, 3:])
     covariance = (fit.covariance * unit[None] * unit[:, None])[:own, :own]
-    seen, triangles = every_picture(lens, pose, *given)
+    seen, triangles = every_picture(lens, pose)
     lower, slopes = seen[:, POSE:-1], triangles[:, POSE:-1, POSE:]
     # Few corners have fewer numbers on the lens.
     corners = jnp.sum(weights > 0, axis=1, dtype=weights.dtype)
@@ -249,15 +252,19 @@ def _adjusted(
 
 
 def _triangle(matrix: Float[Array, "rows columns"]) -> Float[Array, "columns columns"]:
-    """The triangular factor of a tall matrix, of factors of its blocks.
+    """The triangular factor of a tall matrix, block by block.
 
     Source: J. Demmel et al., *Communication-optimal parallel and sequential QR and LU
     factorizations*, SIAM J. Sci. Comput. 34 (2012), which is not read.
     """
     rows, columns = matrix.shape
     blocks = jnp.pad(matrix, ((0, -rows % BLOCK), (0, 0))).reshape(-1, BLOCK, columns)
-    triangles = jax.vmap(lambda block: jnp.linalg.qr(block, mode="r"))(blocks)
-    return jnp.linalg.qr(triangles.reshape(-1, columns), mode="r")
+
+    def with_block(triangle: Array, block: Array) -> tuple[Array, None]:
+        return jnp.linalg.qr(jnp.concatenate([triangle, block]), mode="r"), None
+
+    begin = jnp.zeros((columns, columns), matrix.dtype)
+    return jax.lax.scan(with_block, begin, blocks)[0]
 
 
 def find_poses(
