@@ -16,20 +16,17 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from designopt.fitting import Fit, least_squares, robust_residuals
-from designopt.numerics import safe_sqrt
 from optics.calibration.fisheye import Fisheye
 
-LENS = 9
-"""Parameters of a lens: focal length, principal point, k₁ … k₄, e₂, e₄."""
+Parameters = Float[Array, " parameters"]
+"""Of a lens: focal length, principal point, k₁, k₂, …, e₂, e₄."""
 
 POSE = 6
 """Parameters of a board's pose: a turn after that of its start, and a translation."""
 
-OWN = LENS + POSE
-"""Parameters that the corners of one picture depend on."""
-
-TOLERANCE, STEPS = 1e-10, 100
-"""Of the search, and a cap on its steps."""
+TOLERANCE, STEPS = 1e-9, 20
+"""Of the search, and a cap on its steps: ten or so find a minimum; then rounding turns residuals
+about where pictures do not determine the lens, and the search may not see that it has ended."""
 
 BOLD = 1e3
 """First steps are nearly those of Gauss and Newton: from a fit to other corners 9 are enough, not
@@ -37,6 +34,10 @@ BOLD = 1e3
 
 POSE_STEPS = 30
 """Cap on the steps of the search for a single pose."""
+
+BLOCK = 128
+"""Rows that are factorised at once. OpenBLAS gives matrices of more than 8192 numbers to threads,
+for which those of XLA do not make room: on two cores it took a hundred times as long."""
 
 LOOSE = 1e3
 """Standard deviation of a pose before anything is seen, rad and mm: no information."""
@@ -69,15 +70,17 @@ class Poses(eqx.Module):
 
 
 class Prior(NamedTuple):
-    """What is known of the lens before, in the order of its parameters.
+    """What is known of the lens before: a normal distribution of its parameters, in their order.
 
     Attributes:
         mean: the expected parameters.
-        deviation: their standard deviations; 0 holds a parameter where it is.
+        root: of their covariance, root rootᵀ; a row of zeros holds a parameter where it is. The
+            search is in units of its columns, so these should be as independent in pictures as may
+            be.
     """
 
-    mean: Float[np.ndarray, "9"]
-    deviation: Float[np.ndarray, "9"]
+    mean: Float[np.ndarray, " parameters"]
+    root: Float[np.ndarray, "parameters parameters"]
 
 
 class Bundle(NamedTuple):
@@ -97,20 +100,20 @@ class Bundle(NamedTuple):
     lens: Fisheye
     poses: Poses
     residuals: Float[np.ndarray, "pictures most 2"]
-    covariance: Float[np.ndarray, "9 9"]
+    covariance: Float[np.ndarray, "parameters parameters"]
     solved: bool
     scatter: float
 
 
-def parameters_of(lens: Fisheye) -> Float[np.ndarray, "9"]:
-    """Focal length, principal point, k₁ … k₄, e₂ and e₄."""
+def parameters_of(lens: Fisheye) -> Float[np.ndarray, " parameters"]:
+    """Focal length, principal point, k₁, k₂, …, e₂ and e₄."""
     parts = lens.focal[None], lens.principal, lens.coefficients, lens.pupil_shift
     return np.concatenate([np.asarray(part) for part in parts])
 
 
-def lens_of(parameters: Float[Array, "9"] | Float[np.ndarray, "9"]) -> Fisheye:
+def lens_of(parameters: Parameters | Float[np.ndarray, " parameters"]) -> Fisheye:
     """The lens of these parameters; inverts `parameters_of`."""
-    return Fisheye(parameters[0], parameters[1:3], parameters[3:7], parameters[7:9])
+    return Fisheye(parameters[0], parameters[1:3], parameters[3:-2], parameters[-2:])
 
 
 def adjust(
@@ -125,9 +128,10 @@ def adjust(
         prior: of the lens.
         robust: whether corners off by many deviations count less.
     """
-    start = jnp.asarray(parameters_of(lens))
-    mean, deviation = map(jnp.asarray, prior)
-    found = _adjusted(sightings, start, poses, mean, deviation, jnp.asarray(robust))
+    off = parameters_of(lens) - prior.mean
+    # Of a parameter that is held, the column of zeros has the coordinate 0.
+    start = jnp.asarray(np.linalg.lstsq(prior.root, off)[0])
+    found = _adjusted(sightings, start, poses, *map(jnp.asarray, prior), jnp.asarray(robust))
     parameters, moved, left, solved, covariance, scatter = found
     arrays = np.asarray(left), np.asarray(covariance)
     return Bundle(lens_of(parameters), moved, *arrays, bool(solved), float(scatter))
@@ -147,7 +151,7 @@ def turn(vector: Float[Array, "3"]) -> Float[Array, "3 3"]:
 
 
 def place_errors(
-    lens: Float[Array, "9"],
+    lens: Parameters,
     pose: Float[Array, "6"],
     base: tuple[Float[Array, "3 3"], Float[Array, "3"]],
     points: Float[Array, "most 2"],
@@ -161,62 +165,58 @@ def place_errors(
 @eqx.filter_jit
 def _adjusted(
     sightings: Sightings,
-    start: Float[Array, "9"],
+    start: Parameters,
     poses: Poses,
-    mean: Float[Array, "9"],
-    deviation: Float[Array, "9"],
+    mean: Parameters,
+    root: Float[Array, "parameters parameters"],
     robust: Bool[Array, ""],
 ) -> tuple[Array, Poses, Array, Array, Array, Array]:
-    count, _ = sightings.deviations.shape
+    (count, _), own = sightings.deviations.shape, len(start)
     weights = jnp.where(sightings.used, 1 / sightings.deviations, 0.0)
     there = jnp.isfinite(sightings.places)
     places = jnp.where(there, sightings.places, 0.0)
-    free = deviation > 0
-    start = jnp.where(free, start, mean)
 
     def pictures(values: Array) -> tuple[Array, Array]:
-        return values[:LENS], values[LENS:].reshape(count, POSE)
+        return values[:own], values[own:].reshape(count, POSE)
 
     def weighted(lens: Array, pose: Array, *one: Array) -> Array:
         turns, shifts, points, seen, weight = one
-        off = place_errors(lens, pose, (turns, shifts), points, seen) * weight[:, None]
+        off = place_errors(mean + root @ lens, pose, (turns, shifts), points, seen)
+        off *= weight[:, None]
         # What is not seen may have no place.
         off = jnp.where(weight[:, None] > 0, off, 0.0).reshape(-1)
         return jnp.where(robust, robust_residuals(off), off)
 
     given = poses.turns, poses.shifts, sightings.points, places, weights
-    spread = jnp.where(free, deviation, 1.0)
 
     def condensed(lens: Array, pose: Array, *one: Array) -> tuple[Array, Array]:
         """One picture in as few numbers as it has parameters, with the same squares and slopes.
 
         An orthogonal map leaves sums of squares, gradients and normal equations as they are: to
-        hundreds of corners belong `OWN` residuals that depend on parameters and the norm of what
+        hundreds of corners belong as many residuals that depend on parameters, and the norm of what
         does not. Poses come first, so that the last rows are free of them.
         """
         by_lens, by_pose = jax.jacfwd(weighted, (0, 1))(lens, pose, *one)
-        slopes = jnp.concatenate([by_pose, jnp.where(free[None], by_lens, 0.0)], axis=1)
-        basis, triangle = jnp.linalg.qr(slopes)
-        left = weighted(lens, pose, *one)
-        along = basis.T @ left
-        rest = safe_sqrt(jnp.sum((left - basis @ along) ** 2))
-        return jnp.append(along, rest), triangle
+        triangle = _triangle(jnp.column_stack([by_pose, by_lens, weighted(lens, pose, *one)]))
+        return triangle[:, -1], triangle[:, :-1]
 
-    every_picture = jax.vmap(condensed, (None, 0, 0, 0, 0, 0, 0))
+    def every_picture(lens: Array, poses: Array) -> tuple[Array, Array]:
+        # One after the other: jaxlib factorises a batch in threads, and two batches at a time, of
+        # residuals and of slopes, wait for each other's threads for ever.
+        return jax.lax.map(lambda one: condensed(lens, *one), (poses, *given))
 
     def residuals(values: Array, _: None) -> Array:
         lens, pose = pictures(values)
-        seen = every_picture(lens, pose, *given)[0]
-        before = (lens - mean) / spread, pose.reshape(-1) / LOOSE
-        return jnp.concatenate([seen.reshape(-1), *before])
+        seen = every_picture(lens, pose)[0]
+        return jnp.concatenate([seen.reshape(-1), lens, pose.reshape(-1) / LOOSE])
 
     def jacobian(values: Array, _: None) -> Array:
-        triangles = every_picture(*pictures(values), *given)[1]
-        slopes = jnp.pad(triangles, ((0, 0), (0, 1), (0, 0)))
-        by_pose, by_lens = slopes[..., :POSE], slopes[..., POSE:].reshape(-1, LENS)
+        triangles = every_picture(*pictures(values))[1]
+        # The norm of what does not depend on parameters has no slope.
+        by_pose, by_lens = triangles[..., :POSE], triangles[..., POSE:].reshape(-1, own)
         apart = by_pose[:, :, None, :] * jnp.eye(count)[:, None, :, None]
         seen = jnp.concatenate([by_lens, apart.reshape(-1, count * POSE)], axis=1)
-        before = jnp.concatenate([1 / spread, jnp.full(count * POSE, 1 / LOOSE)])
+        before = jnp.concatenate([jnp.ones(own), jnp.full(count * POSE, 1 / LOOSE)])
         return jnp.concatenate([seen, jnp.diag(before)])
 
     # A step of one in any direction changes the residuals alike: Marquardt's scaling. Damping
@@ -234,18 +234,37 @@ def _adjusted(
     )
     values = begin + unit * fit.solution.value
     lens, pose = pictures(values)
-    left = jax.vmap(place_errors, (None, 0, 0, 0, 0))(lens, pose, given[:2], *given[2:4])
+    found = mean + root @ lens
+    left = jax.vmap(place_errors, (None, 0, 0, 0, 0))(found, pose, given[:2], *given[2:4])
     left = jnp.where(there, left, 0.0)
     moved = Poses(jax.vmap(turn)(pose[:, :3]) @ poses.turns, poses.shifts + pose[:, 3:])
-    covariance = (fit.covariance * unit[None] * unit[:, None])[:LENS, :LENS]
-    covariance = jnp.where(free[None] & free[:, None], covariance, 0.0)
-    seen, triangles = every_picture(lens, pose, *given)
-    own, slopes = seen[:, POSE:OWN], triangles[:, POSE:, POSE:]
-    expected = LENS - jnp.einsum("pij,jk,pik->p", slopes, covariance, slopes)
+    covariance = (fit.covariance * unit[None] * unit[:, None])[:own, :own]
+    seen, triangles = every_picture(lens, pose)
+    lower, slopes = seen[:, POSE:-1], triangles[:, POSE:-1, POSE:]
+    # Few corners have fewer numbers on the lens.
+    corners = jnp.sum(weights > 0, axis=1, dtype=weights.dtype)
+    numbers = jnp.clip(2 * corners - POSE, 0, own)
+    expected = numbers - jnp.einsum("pij,jk,pik->p", slopes, covariance, slopes)
     shown = jnp.any(weights > 0, axis=1)
-    scatter = jnp.sum(jnp.where(shown[:, None], own**2, 0.0))
+    scatter = jnp.sum(jnp.where(shown[:, None], lower**2, 0.0))
     scatter /= jnp.maximum(jnp.sum(jnp.where(shown, expected, 0.0)), 1.0)
-    return lens, moved, left, fit.solution.ok, covariance, scatter
+    return found, moved, left, fit.solution.ok, root @ covariance @ root.T, scatter
+
+
+def _triangle(matrix: Float[Array, "rows columns"]) -> Float[Array, "columns columns"]:
+    """The triangular factor of a tall matrix, block by block.
+
+    Source: J. Demmel et al., *Communication-optimal parallel and sequential QR and LU
+    factorizations*, SIAM J. Sci. Comput. 34 (2012), which is not read.
+    """
+    rows, columns = matrix.shape
+    blocks = jnp.pad(matrix, ((0, -rows % BLOCK), (0, 0))).reshape(-1, BLOCK, columns)
+
+    def with_block(triangle: Array, block: Array) -> tuple[Array, None]:
+        return jnp.linalg.qr(jnp.concatenate([triangle, block]), mode="r"), None
+
+    begin = jnp.zeros((columns, columns), matrix.dtype)
+    return jax.lax.scan(with_block, begin, blocks)[0]
 
 
 def find_poses(
@@ -267,7 +286,7 @@ def find_poses(
 
 
 @eqx.filter_jit
-def _posed(lens: Float[Array, "9"], sightings: Sightings, poses: Poses) -> tuple[Poses, Array]:
+def _posed(lens: Parameters, sightings: Sightings, poses: Poses) -> tuple[Poses, Array]:
     def one(base: tuple[Array, Array], points: Array, places: Array, weight: Array) -> Any:
         def residuals(values: Array, _: None) -> Array:
             off = place_errors(lens, values, base, points, places) * weight[:, None]

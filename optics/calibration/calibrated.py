@@ -15,7 +15,7 @@ from designopt.io.files import read_toml, replaced_when_complete
 from designopt.io.spec import Spec
 from designopt.io.spec_files import FORMAT, Format, Length, Number, Title, validated
 from designopt.io.toml_writing import degrees_of, format_toml
-from optics.calibration.bundle import LENS, lens_of, parameters_of
+from optics.calibration.bundle import lens_of, parameters_of
 from optics.calibration.fisheye import Fisheye
 from optics.scene.camera import turning_point
 from optics.scene.file import Coefficients, Pixels
@@ -25,9 +25,9 @@ SYMMETRY = 1e-6
 
 COMMENT = """Lens of a camera, calibrated by designopt calibrate lens.
 Places are column and row, whole numbers at the middles of pixels. A ray at the angle a (rad) from
-the axis is imaged focal_px * (a + k1 a^3 + k2 a^5 + k3 a^7 + k4 a^9) from principal_px, and passes
-the axis e2 a^2 + e4 a^4 (mm) before where rays along the axis have their pupil.
-The covariance is that of focal_px, both of principal_px, k1 ... k4, e2, e4."""
+the axis is imaged focal_px * (a + k1 a^3 + k2 a^5 + ...) from principal_px, and passes the axis
+e2 a^2 + e4 a^4 (mm) before where rays along the axis have their pupil.
+The covariance is that of focal_px, both of principal_px, k1, k2, ..., e2, e4."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class CalibratedLens:
     Attributes:
         lens: its rays.
         size: columns and rows of its images.
-        covariance: of focal length, principal point (px), k₁ … k₄, e₂ and e₄ (mm).
+        covariance: of focal length, principal point (px), k₁, k₂, …, e₂ and e₄ (mm).
         noise: standard deviation of a corner's column or row, px.
         held_out: median distance of predicted corners from those of held-out pictures, px.
         widest: largest angle from the axis at which there was a corner, rad.
@@ -48,7 +48,7 @@ class CalibratedLens:
 
     lens: Fisheye
     size: tuple[int, int]
-    covariance: Float[np.ndarray, "9 9"]
+    covariance: Float[np.ndarray, "parameters parameters"]
     noise: float
     held_out: float
     widest: float
@@ -57,12 +57,9 @@ class CalibratedLens:
     name: str = "camera"
 
     @property
-    def deviations(self) -> Float[np.ndarray, "9"]:
+    def deviations(self) -> Float[np.ndarray, " parameters"]:
         """Standard deviations of the parameters."""
         return np.sqrt(np.diagonal(self.covariance))
-
-
-Row = Annotated[list[Number], pydantic.Field(min_length=LENS, max_length=LENS)]
 
 
 class LensTable(Spec):
@@ -80,7 +77,7 @@ class LensTable(Spec):
     held_out_px: Annotated[Number, pydantic.Field(ge=0)]
     distances_mm: tuple[Length, Length]
     pictures: Annotated[int, pydantic.Field(strict=True, ge=1)]
-    covariance: Annotated[list[Row], pydantic.Field(min_length=LENS, max_length=LENS)]
+    covariance: list[list[Number]]
 
     @pydantic.model_validator(mode="after")
     def _images_what_it_has_seen(self) -> LensTable:
@@ -94,6 +91,12 @@ class LensTable(Spec):
 
     @pydantic.model_validator(mode="after")
     def _has_a_covariance(self) -> LensTable:
+        most = len(self.projection) + 5
+        if {len(row) for row in self.covariance} | {len(self.covariance)} != {most}:
+            raise ValueError(
+                f"'covariance' needs {most} rows of {most} numbers, for {most - 5} coefficients of "
+                "'projection'; calibrate the lens again"
+            )
         matrix = np.array(self.covariance)
         allowed = SYMMETRY * max(np.abs(matrix).max(), 1e-300)
         if np.abs(matrix - matrix.T).max() > allowed or np.linalg.eigvalsh(matrix)[0] < -allowed:
@@ -155,8 +158,8 @@ def format_lens(lens: CalibratedLens) -> str:
         "pixels": list(lens.size),
         "focal_px": focal,
         "principal_px": [column, row],
-        "projection": rest[:4],
-        "pupil_shift": rest[4:],
+        "projection": rest[:-2],
+        "pupil_shift": rest[-2:],
         "widest_deg": degrees_of(lens.widest),
         "noise_px": lens.noise,
         "held_out_px": lens.held_out,

@@ -22,13 +22,13 @@ NEWTON_STEPS = 5
 class Fisheye(eqx.Module):
     """A Kannala-Brandt lens before square pixels; every dimension is an array leaf.
 
-    A point at the angle θ from the axis is imaged f (θ + k₁ θ³ + k₂ θ⁵ + k₃ θ⁷ + k₄ θ⁹) from the
-    principal point; its ray passes the axis e₂ θ² + e₄ θ⁴ before the origin.
+    A point at the angle θ from the axis is imaged f (θ + k₁ θ³ + k₂ θ⁵ + …) from the principal
+    point; its ray passes the axis e₂ θ² + e₄ θ⁴ before the origin.
 
     Attributes:
         focal: length f, px.
         principal: where the optical axis is imaged, column and row.
-        coefficients: k₁ … k₄.
+        coefficients: k₁, k₂, …
         pupil_shift: e₂ (mm/rad²) and e₄ (mm/rad⁴).
 
     Example:
@@ -39,7 +39,7 @@ class Fisheye(eqx.Module):
 
     focal: Float[Array, ""] = eqx.field(converter=as_float)
     principal: Float[Array, "2"] = eqx.field(converter=as_float)
-    coefficients: Float[Array, "4"] = eqx.field(converter=as_float)
+    coefficients: Float[Array, " coefficients"] = eqx.field(converter=as_float)
     pupil_shift: Float[Array, "2"] = eqx.field(converter=as_float)
 
     @property

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from designopt.fitting import add_information
-from optics.calibration.bundle import POSE, lens_of, parameters_of, turn
+from optics.calibration.bundle import POSE, Parameters, lens_of, parameters_of, turn
 from optics.calibration.calibrated import CalibratedLens
 
 GRID = (32, 24)
@@ -185,7 +185,7 @@ def _grid(lens: CalibratedLens) -> Float[np.ndarray, "down along 2"]:
 
 def _slopes_over_image(
     lens: CalibratedLens, distance: float
-) -> tuple[Float[np.ndarray, "down along 2"], Float[np.ndarray, "places 2 9"]]:
+) -> tuple[Float[np.ndarray, "down along 2"], Float[np.ndarray, "places 2 parameters"]]:
     """Places with NaN where nothing is imaged; and of the others, derivatives by the lens.
 
     What a motion of the camera does to all places together is taken out.
@@ -207,8 +207,8 @@ def _slopes_over_image(
 
 @eqx.filter_jit
 def _slopes(
-    lens: Float[Array, "9"], points: Float[Array, "places 3"]
-) -> tuple[Float[Array, "places 2 9"], Float[Array, "places 2 6"]]:
+    lens: Parameters, points: Float[Array, "places 3"]
+) -> tuple[Float[Array, "places 2 parameters"], Float[Array, "places 2 6"]]:
     """Derivatives of places by the lens, and by a motion of the points."""
 
     def place(lens: Array, motion: Array, point: Array) -> Array:
@@ -220,7 +220,7 @@ def _slopes(
 
 @eqx.filter_jit
 def _board_slopes(
-    lens: Float[Array, "9"],
+    lens: Parameters,
     turns: Float[Array, "boards 3 3"],
     shifts: Float[Array, "boards 3"],
     points: Float[Array, "points 2"],
@@ -247,8 +247,8 @@ def _supposed(lens: CalibratedLens) -> float:
 
 
 def _information(
-    by_lens: Float[np.ndarray, "points 2 9"], by_pose: Float[np.ndarray, "points 2 6"]
-) -> Float[np.ndarray, "9 9"]:
+    by_lens: Float[np.ndarray, "points 2 parameters"], by_pose: Float[np.ndarray, "points 2 6"]
+) -> Float[np.ndarray, "parameters parameters"]:
     """On the lens, of corners of deviation 1 whose board's pose is not known."""
     slopes, pose = by_lens.reshape(-1, by_lens.shape[-1]), by_pose.reshape(-1, POSE)
     left = slopes - pose @ np.linalg.lstsq(pose, slopes)[0]

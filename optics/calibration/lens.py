@@ -15,7 +15,6 @@ from jaxtyping import Array, Bool, Float, Int
 
 from designopt.errors import UserError
 from optics.calibration.bundle import (
-    LENS,
     POSE,
     Bundle,
     Poses,
@@ -23,9 +22,9 @@ from optics.calibration.bundle import (
     Sightings,
     adjust,
     find_poses,
-    parameters_of,
 )
 from optics.calibration.calibrated import CalibratedLens
+from optics.calibration.prior import prior_of
 from optics.calibration.starts import AHEAD, LEAST_POINTS, find_starts, start_poses
 from optics.scene.camera import turning_point
 
@@ -55,11 +54,6 @@ ROUNDS = 6
 
 MULTIPLE = 4
 """Numbers of pictures for which programs are compiled."""
-
-PRIOR = np.array([1.0, 0.1, 0.1, 0.5, 0.3, 0.2, 0.1, 3.0, 1.5])
-"""Deviations before anything is seen: of the focal length over itself, of the principal point over
-the image's width, of k₁ … k₄, of e₂ and e₄ in mm. Projections from orthographic to pinhole lie
-within; they keep a polynomial tame where no corner is."""
 
 
 class PupilModel(enum.Enum):
@@ -234,8 +228,7 @@ def _first_fit(shown: Sightings, size: tuple[int, int]) -> tuple[Bundle, Prior]:
     # In px: how corners compare with each other matters once most of them fit.
     alike = eqx.tree_at(lambda one: one.deviations, shown, jnp.where(shown.used, 1.0, jnp.inf))
     for lens, poses, error in find_starts(shown, size)[:TRIED]:
-        mean = parameters_of(lens)
-        prior = Prior(mean, PRIOR * np.array([mean[0], size[0], size[0], *np.ones(6)]))
+        prior = prior_of(lens, size)
         # While all corners are far off, none of them is wrong against the others.
         near = adjust(_weighted(alike, max(error, EXPECTED_PX)), lens, poses, prior, robust=True)
         bundle = adjust(_weighted(alike, EXPECTED_PX), near.lens, near.poses, prior, robust=True)
@@ -278,7 +271,7 @@ def _without_outliers(
             "the board, tilted and in all parts of the image"
         )
     left = (bundle.residuals / stated[..., None])[used]
-    free = left.size - LENS - POSE * int(used.any(axis=1).sum())
+    free = left.size - len(prior.mean) - POSE * int(used.any(axis=1).sum())
     scatter = float(np.sqrt(np.sum(left**2) / free))
     # Corners of one picture may be off together, and the lens may be no polynomial: then the
     # corners' deviation explains only a part of what pictures contradict each other by.
@@ -324,9 +317,9 @@ def _simplest(held_out: dict[PupilModel, HeldOut]) -> PupilModel:
 
 def _with_fixed_pupil(prior: Prior) -> Prior:
     """The prior with the pupil's shift held at 0."""
-    mean, deviation = prior.mean.copy(), prior.deviation.copy()
-    mean[-2:] = deviation[-2:] = 0.0
-    return Prior(mean, deviation)
+    mean, root = prior.mean.copy(), prior.root.copy()
+    mean[-2:] = root[-2:] = 0.0
+    return Prior(mean, root)
 
 
 def _weighted(shown: Sightings, noise: float) -> Sightings:

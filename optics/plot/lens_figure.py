@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from designopt.plot.figures import PALETTE, new_figure
-from optics.calibration.bundle import lens_of, parameters_of
+from optics.calibration.bundle import Parameters, lens_of, parameters_of
 from optics.calibration.guidance import DeviationMap, Suggestion
 from optics.calibration.lens import LensFit
 
@@ -125,7 +125,7 @@ def _pupil(axes: Axes, fit: LensFit) -> None:
     angles = jnp.linspace(0, calibrated.widest, 100)
     parameters = jnp.asarray(parameters_of(calibrated.lens))
 
-    def curve(values: Float[jax.Array, "9"]) -> Float[jax.Array, " angles"]:
+    def curve(values: Parameters) -> Float[jax.Array, " angles"]:
         return lens_of(values).shift(angles)
 
     shift = np.asarray(curve(parameters))

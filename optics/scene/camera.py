@@ -154,17 +154,17 @@ def _arcsin(sine: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
 
 
 class KannalaBrandt(Projection):
-    """A calibrated wide-angle lens: r = f (θ + k₁ θ³ + k₂ θ⁵ + k₃ θ⁷ + k₄ θ⁹).
+    """A calibrated wide-angle lens: r = f (θ + k₁ θ³ + k₂ θ⁵ + …).
 
-    Source: OpenCV's documentation, *Fisheye camera model*, whose coefficients they are, after
-    J. Kannala, S. S. Brandt, *A generic camera model and calibration method for conventional,
-    wide-angle, and fish-eye lenses*, IEEE TPAMI 28 (2006), which is not read.
+    Source: OpenCV's documentation, *Fisheye camera model*, whose four coefficients are the first,
+    after J. Kannala, S. S. Brandt, *A generic camera model and calibration method for
+    conventional, wide-angle, and fish-eye lenses*, IEEE TPAMI 28 (2006), which is not read.
 
     Attributes:
-        coefficients: k₁ … k₄.
+        coefficients: k₁, k₂, …
     """
 
-    coefficients: Float[Array, "4"] = eqx.field(converter=as_float)
+    coefficients: Float[Array, " coefficients"] = eqx.field(converter=as_float)
 
     @property
     def widest(self) -> float:
@@ -173,15 +173,12 @@ class KannalaBrandt(Projection):
 
     def height(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
         """As `Projection.height`."""
-        k1, k2, k3, k4 = (self.coefficients[i] for i in range(4))
-        square = angle * angle
-        return angle * (1 + square * (k1 + square * (k2 + square * (k3 + square * k4))))
+        return angle * _polynomial([1.0, *self.coefficients], angle * angle)
 
     def slope(self, angle: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
         """As `Projection.slope`."""
-        k1, k2, k3, k4 = (self.coefficients[i] for i in range(4))
-        square = angle * angle
-        return 1 + square * (3 * k1 + square * (5 * k2 + square * (7 * k3 + square * 9 * k4)))
+        slopes = ((2 * i + 3) * k for i, k in enumerate(self.coefficients))
+        return _polynomial([1.0, *slopes], angle * angle)
 
     def angle(self, height: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
         """As `Projection.angle`."""
@@ -196,10 +193,21 @@ class KannalaBrandt(Projection):
         return jax.vmap(inverse)(height.reshape(-1)).reshape(height.shape)
 
 
-def turning_point(coefficients: Sequence[float] | Float[np.ndarray, "4"]) -> float:
+def _polynomial(
+    coefficients: Sequence[float | Float[Array, ""]], at: Float[Array, "*batch"]
+) -> Float[Array, "*batch"]:
+    """Σ cᵢ xⁱ, by Horner's rule."""
+    value = jnp.zeros_like(at)
+    for coefficient in reversed(coefficients):
+        value = value * at + coefficient
+    return value
+
+
+def turning_point(coefficients: Sequence[float] | Float[np.ndarray, " coefficients"]) -> float:
     """Angle from the axis (rad) at which a Kannala-Brandt image stops to grow; or infinity."""
-    # Slope 1 + 3 k₁ θ² + … + 9 k₄ θ⁸, over θ⁸: a polynomial in θ⁻² that always begins with 1.
-    slope = [1.0, *(n * k for n, k in zip((3, 5, 7, 9), coefficients, strict=True))]
+    # Slope 1 + 3 k₁ θ² + 5 k₂ θ⁴ + …, over its highest power: a polynomial in θ⁻² that always
+    # begins with 1.
+    slope = [1.0, *((2 * i + 3) * k for i, k in enumerate(coefficients))]
     roots = np.roots(slope)
     # The two parts of a double root come out as a complex pair, apart by the root of rounding.
     real = roots.real[(np.abs(roots.imag) <= 1e-6 * np.abs(roots)) & (roots.real > 0)]

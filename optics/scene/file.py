@@ -40,7 +40,7 @@ SQUARE = 0.02
 """Sides of a sensor are stated so exactly, as a part of themselves: pixels are square."""
 
 Pixels = Annotated[int, pydantic.Field(strict=True, ge=1, le=1_000_000)]
-Coefficients = tuple[Number, Number, Number, Number]
+Coefficients = Annotated[tuple[Number, ...], pydantic.Field(min_length=4, max_length=8)]
 Side = Literal["left", "right", "both"]
 
 
@@ -56,7 +56,7 @@ def _known(value: object, check: Callable[[object], object]) -> object:
     except pydantic.ValidationError:
         raise ValueError(
             'write it as "equidistant", "pinhole", "equisolid", "stereographic", "orthographic" or '
-            "four Kannala-Brandt coefficients, [k1, k2, k3, k4]"
+            "four to eight Kannala-Brandt coefficients, [k1, k2, k3, k4]"
         ) from None
 
 

@@ -20,7 +20,7 @@ AGREEMENT = 0.01
 """Focal lengths that differ by this part of themselves are the same: makers round."""
 
 Axis = Literal["horizontal", "vertical", "diagonal"]
-Entry = str | tuple[float, float, float, float]
+Entry = str | tuple[float, ...]
 """A projection as in a file: a name or Kannala-Brandt coefficients."""
 
 
@@ -108,7 +108,7 @@ def solve_sold_lens(
                     raise ValueError(
                         f"no classical projection has {asked} at a focal length of {wanted:g} mm; "
                         f'nearest is "{projection}" with {fitting:.4g} mm; correct one of them, or '
-                        "give four Kannala-Brandt coefficients as 'projection'"
+                        "give Kannala-Brandt coefficients as 'projection'"
                     )
                 raise ValueError(
                     f"a focal_length of {wanted:g} mm contradicts {asked}, for which this "

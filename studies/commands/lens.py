@@ -171,11 +171,11 @@ def _summary(fit: LensFit, found: BoardPictures, rms: float, distance: float) ->
         f"principal point: {column:.3f} ± {deviations[1]:.3f}, {row:.3f} ± {deviations[2]:.3f} px"
     )
     coefficients = ", ".join(f"{one:.6g}" for one in lens.lens.coefficients.tolist())
-    yield f"projection: k1 ... k4 = {coefficients}"
+    yield f"projection: k1 ... k{len(lens.lens.coefficients)} = {coefficients}"
     e2, e4 = lens.lens.pupil_shift.tolist()
     yield (
-        f"pupil: {fit.pupil.value}, {e2:.3f} ± {deviations[7]:.3f} mm/rad² and {e4:.3f} ± "
-        f"{deviations[8]:.3f} mm/rad⁴ (held-out corners: {moving:.3f} px rms moving, "
+        f"pupil: {fit.pupil.value}, {e2:.3f} ± {deviations[-2]:.3f} mm/rad² and {e4:.3f} ± "
+        f"{deviations[-1]:.3f} mm/rad⁴ (held-out corners: {moving:.3f} px rms moving, "
         f"{fixed:.3f} px fixed)"
     )
     yield (

@@ -26,9 +26,6 @@ from studies.oracles.judge.wide_lens import WideLens
 from studies.physical_check.lenses import LensCheckSpec
 from studies.physical_check.lenses.baseline import calibrate_with_opencv
 
-DESCRIBED_PX = 0.01
-"""A lens is described by the model if that misses its image heights by less (root mean square)."""
-
 BOARDS: tuple[tuple[Board, Literal["charuco", "tags"], str], ...] = (
     (Board(), "charuco", "DICT_4X4_100"),
     (Board(kind="apriltag", columns=9, rows=7, square=6.5), "tags", "DICT_APRILTAG_36h11"),
@@ -78,7 +75,6 @@ def _add_set(
     places, truth = np.asarray(sightings_of(board, seen).places), np.array(true)
     off = np.linalg.norm(places - truth, axis=-1)
     where = {"lens": number, "board": board.kind, "field_deg": 2 * np.degrees(lens.largest)}
-    where["described"] = misfit(lens) < DESCRIBED_PX
     imaged = int(np.isfinite(truth[..., 0]).sum())
     given, further = sightings_of(board, seen[:count]), sightings_of(board, seen[count:])
     begin = time.perf_counter()
@@ -113,15 +109,6 @@ def _add_set(
         for name, error, deviation in parameter_errors(fit, lens):
             errors.add(**where, parameter=name, error=error, deviation=deviation,
                        ratio=error / deviation)  # fmt: skip
-
-
-def misfit(lens: WideLens) -> float:
-    """What a polynomial of four coefficients leaves of the lens's image heights, px (rms)."""
-    angles = np.linspace(0, lens.largest, 1000)
-    terms = angles[:, None] ** np.array([1, 3, 5, 7, 9])
-    heights = lens.focal * lens.heights(angles)
-    left = terms @ np.linalg.lstsq(terms, heights)[0] - heights
-    return float(np.sqrt(np.mean(left**2)))
 
 
 def _further(
@@ -177,8 +164,7 @@ def parameter_errors(fit: LensFit, lens: WideLens) -> Iterator[tuple[str, float,
 
 def add_metrics(out: Report, sets: Records, corners: Records, errors: Records) -> None:
     """The study's numbers."""
-    described, others = errors.where(described=True), errors.where(described=False)
-    ratios = {name: own.stat("rms ratio") for name, own in described.group("parameter").items()}
+    ratios = {name: own.stat("rms ratio") for name, own in errors.group("parameter").items()}
     worst = max(ratios.values(), key=lambda ratio: abs(np.log(ratio)), default=np.nan)
     out.metrics(
         sets=len(sets),
@@ -187,8 +173,7 @@ def add_metrics(out: Report, sets: Records, corners: Records, errors: Records) -
         held_out_worst_px=sets.stat("max held_out_px"),
         further_px=sets.stat("median further_px"),
         further_worst_px=sets.stat("max further_px"),
-        described=sets.stat("share described"),
-        deviation_ratio=described.stat("rms ratio"),
+        deviation_ratio=errors.stat("rms ratio"),
         deviation_ratio_worst=worst,
         corner_median_px=corners.stat("median error_px"),
         corner_p99_px=corners.stat("p99 error_px"),
@@ -198,17 +183,12 @@ def add_metrics(out: Report, sets: Records, corners: Records, errors: Records) -
         opencv_failed=sets.stat("share opencv_failed"),
         opencv_px=sets.where(opencv_failed=False).stat("median opencv_px"),
     )
-    if len(others):
-        out.metrics(deviation_ratio_others=others.stat("rms ratio"))
 
 
 def add_findings(out: Report, sets: Records) -> None:
     """Plain sentences, most important first."""
     out.say("converged")
     out.say("deviations")
-    others = sets.where(described=False)
-    if len(others):
-        out.say("others", count=len(others))
     out.say("opencv", failures=int(sets.stat("sum opencv_failed")))
     failed = sets.where(converged=False)
     if len(failed):
@@ -219,10 +199,7 @@ def add_tables(out: Report, sets: Records, corners: Records, errors: Records) ->
     """Errors by parameter, by field of view and board; every set."""
     ratio = {"rms_ratio": "rms ratio", "median_abs": "median_abs error"}
     of_lenses = {"lenses": "count error", **ratio}
-    out.table("parameters", errors.where(described=True).summary("parameter", **of_lenses))
-    others = errors.where(described=False)
-    if len(others):
-        out.table("others", others.summary("parameter", **of_lenses))
+    out.table("parameters", errors.summary("parameter", **of_lenses))
     bands = np.floor(sets["field_deg"].astype(float) / 20) * 20
     by = {"lenses": "count converged", "converged": "share converged"}
     by |= {"held_out_px": "median held_out_px", "further_px": "median further_px"}
@@ -239,5 +216,4 @@ def add_figures(out: Report, sets: Records, errors: Records) -> None:
     """Errors of held-out corners over the field of view, and ratios of errors to deviations."""
     names = {"further_px": "error of corners (px)", "ratio": "error over deviation"}
     out.figure("further", plots.ecdf(sets, "further_px", by="board", log="x", names=names))
-    described = errors.where(described=True)
-    out.figure("ratios", plots.ecdf(described, "ratio", by="parameter", names=names))
+    out.figure("ratios", plots.ecdf(errors, "ratio", by="parameter", names=names))

@@ -10,7 +10,7 @@ from optics.calibration.fisheye import Fisheye
 from optics.calibration.starts import find_starts
 from tests.optics.calibration.pictures import LENS, NOISE, POINTS, TRUTH, boards, sightings
 
-WIDE = Prior(np.array([300.0, 639.5, 479.5, *6 * [0.0]]), np.array([1e3, 1e3, 1e3, *6 * [1e2]]))
+WIDE = Prior(np.array([300.0, 639.5, 479.5, *6 * [0.0]]), np.diag([1e3, 1e3, 1e3, *6 * [1e2]]))
 START = Fisheye(300.0, jnp.array([639.5, 479.5]), jnp.zeros(4), jnp.zeros(2))
 
 
@@ -86,10 +86,10 @@ def test_deviations_are_the_scatter_of_repeated_fits():
 def test_a_held_parameter_stays_where_it_is():
     turns, shifts = boards(0, 4)
     seen, _ = sightings(turns, shifts, 1)
-    mean, deviation = WIDE.mean.copy(), WIDE.deviation.copy()
-    mean[7:], deviation[7:] = (0.4, 0.0), 0.0
+    mean, root = WIDE.mean.copy(), WIDE.root.copy()
+    mean[7:], root[7:] = (0.4, 0.0), 0.0
     poses = Poses(jnp.asarray(turns), jnp.asarray(shifts))
-    found = adjust(seen, START, poses, Prior(mean, deviation), robust=False)
+    found = adjust(seen, START, poses, Prior(mean, root), robust=False)
     assert parameters_of(found.lens)[7:].tolist() == [0.4, 0.0]
     assert not found.covariance[7:].any()
     assert found.covariance[0, 0] > 0

@@ -40,7 +40,7 @@ def test_a_lens_is_read_as_it_was_written(tmp_path):
         ("pixels = [1280, 960]", "pixels = [1280]", "lens.pixels"),
         ("widest_deg = ", "widest = ", "no such key; did you mean 'widest_deg'?"),
         ("widest_deg = 80", "widest_deg = 170", "the image grows only up to"),
-        ("covariance = [[", "covariance = [[1e9, ", "lens.covariance.0"),
+        ("covariance = [[", "covariance = [[1e9, ", "'covariance' needs 9 rows of 9 numbers"),
         ("covariance = [[", "covariance = [[-", "'covariance' is none"),
         ("format = 1", "format = 2", "reads format 1 and not 2"),
     ],

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from designopt.fitting import add_information
 from optics.calibration import CalibratedLens
-from optics.calibration.bundle import Poses, Prior, Sightings, adjust, lens_of, parameters_of
+from optics.calibration.bundle import Poses, Prior, Sightings, adjust, lens_of
 from optics.calibration.guidance import (
     GRID,
     _board_slopes,
@@ -17,6 +17,7 @@ from optics.calibration.guidance import (
     suggest_pictures,
 )
 from optics.calibration.lens import calibrate_lens
+from optics.calibration.prior import prior_of
 from tests.optics.calibration.pictures import LENS, NOISE, POINTS, TRUTH, boards, sightings
 
 DISTANCE = 30.0
@@ -46,7 +47,7 @@ def rigidly_left(points, off):
 
 def test_deviations_are_the_scatter_of_fits_without_a_motion_of_the_camera():
     # A prior without weight: what it adds to a deviation does not scatter.
-    prior = Prior(TRUTH, np.array([1e3, 1e3, 1e3, *6 * [1e2]]))
+    prior = Prior(TRUTH, np.diag([1e3, 1e3, 1e3, *6 * [1e2]]))
     turns, shifts = boards(0, 4)
     poses = Poses(jnp.asarray(turns), jnp.asarray(shifts))
 
@@ -79,7 +80,8 @@ def test_deviations_are_the_scatter_of_fits_without_a_motion_of_the_camera():
 
 def test_suggested_pictures_lower_the_deviations_as_predicted(few):
     fit, _, _ = few
-    before = predict_deviations(fit.calibrated, DISTANCE).rms
+    first_map = predict_deviations(fit.calibrated, DISTANCE)
+    before = first_map.rms
     suggestions = suggest_pictures(fit.calibrated, POINTS, (15.0, 60.0))
     assert 1 <= len(suggestions) <= 3
     predicted = [one.deviation for one in suggestions]
@@ -98,14 +100,15 @@ def test_suggested_pictures_lower_the_deviations_as_predicted(few):
             np.concatenate([fit.sightings.deviations, np.where(imaged, 1.0, np.inf)[None]])
         ),
     )
-    after = calibrate_lens(more, LENS.size)
-    assert predict_deviations(after.calibrated, DISTANCE).rms < 0.7 * before
+    after = predict_deviations(calibrate_lens(more, LENS.size).calibrated, DISTANCE)
+    # At the same places, but for few that the image is not supposed to have any more.
+    left = after.deviations[first_map.reached]
+    assert np.sqrt(np.nanmean(left**2)) < 0.7 * before
 
 
-def test_a_picture_adds_its_information(few):
+def test_a_picture_adds_its_information():
     """The covariance with a picture more, as adjustment has it."""
-    fit, _, _ = few
-    prior = Prior(parameters_of(fit.calibrated.lens), np.full(9, 1e3))
+    prior = prior_of(lens_of(jnp.asarray(TRUTH)), LENS.size)
     every = jax.tree.map(np.asarray, sightings(*boards(7, 6), 8, noise=1e-9)[0])
     poses = Poses(*map(jnp.asarray, boards(7, 6)))
 
