@@ -131,7 +131,8 @@ def adjust(
     off = parameters_of(lens) - prior.mean
     # Of a parameter that is held, the column of zeros has the coordinate 0.
     start = jnp.asarray(np.linalg.lstsq(prior.root, off)[0])
-    found = _adjusted(sightings, start, poses, *map(jnp.asarray, prior), jnp.asarray(robust))
+    mean, root = jnp.asarray(prior.mean), jnp.asarray(prior.root)
+    found = _adjusted(sightings, start, poses, mean, root, jnp.asarray(robust))
     parameters, moved, left, solved, covariance, scatter = found
     arrays = np.asarray(left), np.asarray(covariance)
     return Bundle(lens_of(parameters), moved, *arrays, bool(solved), float(scatter))

@@ -48,5 +48,5 @@ def prior_of(lens: Fisheye, size: tuple[int, int]) -> Prior:
     root = np.diag([mean[0], *2 * [ASIDE * size[0]], *terms * [0.0], *PUPIL])
     for n in range(1, terms + 1):
         one = Chebyshev.basis(n, domain=[0, WIDEST**2]).convert(kind=Polynomial)
-        root[3 : 3 + n, 2 + n] = one.coef[1:] * BEND / FALL**n
+        root[3 : 3 + n, 2 + n] = BEND / FALL**n * np.real(one.coef[1:])
     return Prior(mean, root)
