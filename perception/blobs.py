@@ -99,6 +99,8 @@ def stable_blobs(gray: Gray) -> list[Blob]:
             parent = _parent(node, previous)
             (roots if parent is None else parent.children).append(node)
         previous = nodes
+        if len(nodes) == MOST:
+            continue
         # What is brighter still lies within these.
         columns, rows = _extent([node.blob for node in nodes], corner)
         opened, corner = opened[rows, columns], (corner[0] + columns.start, corner[1] + rows.start)
@@ -207,7 +209,7 @@ def _parent(node: _Node, previous: Sequence[_Node]) -> _Node | None:
         if other.blob.box[0] <= column < other.blob.box[2]
         and other.blob.box[1] <= row < other.blob.box[3]
     ]
-    if len(around) == 1:
+    if len(around) == 1 and len(previous) < MOST:
         return around[0]
     return next((other for other in around if _holds(other.blob, node.blob)), None)
 

@@ -18,7 +18,8 @@ from perception.sides import TRIMMED
 PLACES = 24
 """Along an end, but for its trimmed parts."""
 
-SHARES = np.linspace(TRIMMED, 1 - TRIMMED, PLACES)[:, None]
+ACROSS = np.linspace(TRIMMED, 1 - TRIMMED, PLACES)[:, None]
+"""Parts of the way along an end at which these are."""
 
 INWARD, OUTWARD, FEWEST = 14, 6, 6
 """How far light is looked at from an end, px: inward over at most half of the view, and over at
@@ -59,7 +60,7 @@ def find_colors_apart(
     plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
     flat = plane.flat(rays)
     left, right = (flat[list(corners), None] for corners in zip(*ENDS, strict=True))
-    places = lens.project(plane.rays((left + SHARES * (right - left)).reshape(-1, 2)))
+    places = lens.project(plane.rays((left + ACROSS * (right - left)).reshape(-1, 2)))
     places = places.reshape(2, PLACES, 2)
     beyond = places - places[::-1]
     inward = int(min(INWARD, np.hypot(beyond[0, :, 0], beyond[0, :, 1]).min() / 2))

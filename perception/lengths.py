@@ -134,4 +134,4 @@ def apparent_length(
     """Length of a bare pad whose corners, in the order of a `Quad` or of a pad, have these rays."""
     ends = _ends(rays, width)
     along = ends[..., 1, :] - ends[..., 0, :]
-    return np.hypot(along[..., 0], along[..., 1])
+    return np.asarray(np.hypot(along[..., 0], along[..., 1]))

@@ -33,6 +33,7 @@ RUNS = SHARES - SHARES[:, None] + ITSELF
 
 
 BySide = Float[np.ndarray, " sides"]
+"""A number for every side, of one view after the other."""
 
 
 @dataclass(frozen=True, eq=False)

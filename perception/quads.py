@@ -22,7 +22,7 @@ from perception.lens import Lens, TangentPlane
 from perception.lines import Lines, fit_lines
 from perception.masks import Mask
 from perception.quality import Quality
-from perception.sides import FEET, LEAST_CONTRAST, REACH, SMALL, Sides, find_edges
+from perception.sides import FEET, FOLLOWING, LEAST_CONTRAST, REACH, SMALL, Sides, find_edges
 
 HEIGHTS = np.linspace(0.15, 0.85, 12)
 """Parts of a contour's height at which its outermost points give its sides at first."""
@@ -48,8 +48,8 @@ CLEAR = 0.5
 """Other sides' edges are clear of at least this part of every side: a line through less of it would
 be extended to a corner by more than its own length."""
 
-PRECEDING, FOLLOWING = [3, 0, 1, 2], [1, 2, 3, 0]
-"""Of each side, or corner, the one before it and the one behind it."""
+PRECEDING = [3, 0, 1, 2]
+"""Of each side, or corner, the one before it."""
 
 ENDS_OF_SIDES = (None, 1, None, 0)
 """Which end of a view each side from corner to corner is, in the order of `Quad`, if any."""

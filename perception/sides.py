@@ -84,6 +84,10 @@ LEAST_CONTRAST = 5.0
 """Of 255: a lower step is no edge that can be relied on."""
 
 
+FOLLOWING = [1, 2, 3, 0]
+"""Of each side, or corner, the one behind it."""
+
+
 @dataclass(frozen=True, eq=False)
 class Sides:
     """Sides of several views where they are expected, clockwise as each view's plane is seen.
@@ -108,7 +112,7 @@ class Sides:
         adjoining: Bool[np.ndarray, "views 4"],
     ) -> Sides:
         """Those from corner to corner."""
-        return cls(angle, corners, corners[:, [1, 2, 3, 0]], adjoining)
+        return cls(angle, corners, corners[:, FOLLOWING], adjoining)
 
     @functools.cached_property
     def outward(self) -> Float[np.ndarray, "views sides 2"]:
@@ -209,7 +213,7 @@ def find_edges(
     outside = profile[:, SAMPLES // 2 :].min(axis=1)
     lit, glow = np.zeros(len(flat), bool), np.zeros(len(flat))
     seam = np.repeat(sides.adjoining.ravel(), POINTS)
-    in_view = lamps is not None and bool(lamps.any())
+    in_view = lamps is not None
     if in_view or sides.adjoining.any():
         lamp = np.zeros(profile.shape, bool)
         if lamps is not None:

@@ -242,7 +242,7 @@ def _adjusted(
     covariance = (fit.covariance * unit[None] * unit[:, None])[:own, :own]
     seen, triangles = every_picture(lens, pose)
     lower, slopes = seen[:, POSE:-1], triangles[:, POSE:-1, POSE:]
-    # Few corners have fewer numbers on the lens.
+    # A picture of few corners restricts fewer parameters of the lens.
     corners = jnp.sum(weights > 0, axis=1, dtype=weights.dtype)
     numbers = jnp.clip(2 * corners - POSE, 0, own)
     expected = numbers - jnp.einsum("pij,jk,pik->p", slopes, covariance, slopes)

@@ -56,7 +56,7 @@ def _known(value: object, check: Callable[[object], object]) -> object:
     except pydantic.ValidationError:
         raise ValueError(
             'write it as "equidistant", "pinhole", "equisolid", "stereographic", "orthographic" or '
-            "four to eight Kannala-Brandt coefficients, [k1, k2, k3, k4]"
+            "four to eight Kannala-Brandt coefficients, [k1, k2, k3, k4, ...]"
         ) from None
 
 

@@ -23,6 +23,9 @@ DARK = 4.0
 FAINTEST = 0.5
 """Codes: as dark is what has the code zero."""
 
+LEAST_GAIN = 0.1
+"""Exposures of two pictures differ by less, or the darker one shows nothing."""
+
 SMOOTH = 0.5
 """mm: the light of the untouched pad is smoothed by so much (standard deviation)."""
 
@@ -136,7 +139,8 @@ class Change:
         visible = light / (light + dark)
         ratio = now / before
         clear = inner[..., None] & (visible > 0.5)
-        gain = 1 + float(np.median(((ratio - 1) / visible)[clear])) if clear.any() else 1.0
+        brighter = float(np.median(((ratio - 1) / visible)[clear])) if clear.any() else 0.0
+        gain = max(1 + brighter, LEAST_GAIN)
         part = (ratio - 1 - (gain - 1) * visible) / gain
         rises = np.gradient(np.log(smooth), CELL, axis=(0, 1))
         unsure = PIXEL * np.hypot(*(r * pixels[..., i, None] for i, r in enumerate(rises)))

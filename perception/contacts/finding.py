@@ -85,7 +85,8 @@ def find_contacts(
         >>> find_contacts(untouched, untouched, view, above, [])
         []
     """
-    change = Change.of(picture, reference, sight, response, colored=any(lamps))
+    lamps = lamps if any(lamps) else []
+    change = Change.of(picture, reference, sight, response, colored=bool(lamps))
     if change.is_misplaced():
         return []
     found: list[Fit] = []

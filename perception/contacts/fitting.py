@@ -320,14 +320,16 @@ class _Problem:
         colors = samples.part.shape[1]
         self._toward = np.zeros((colors, 2))
         self._mean = np.zeros((colors, len(present) + 4))
+        self._own = np.zeros(self._mean.shape, bool)
         for color, lamp in enumerate(lamps):
             if lamp is None:
                 self._mean[color, : len(present)] = 1 / len(present)
             else:
                 self._toward[color] = lamp.toward(circle[:2])
-                self._mean[color, present.index(lamp)] = 1
+                self._own[color, present.index(lamp)] = True
         if not present:
-            self._mean[:, 0] = 1
+            self._own[:, 0] = True
+        self._mean[self._own] = 1
         self._free = np.ones_like(samples.part)
         for along, across, radius in others:
             away = np.stack([samples.along - along, samples.across - across], axis=-1)
@@ -396,7 +398,7 @@ class _Problem:
             covariance,
             (total - rest) / max(total - noise, TINY),
             math.sqrt(max(total - rest, 0)) / self.scale(model, solved),
-            float(solved.factors[self._mean == 1].min()),
+            float(solved.factors[self._own].min()),
         )
 
     def solve(self, model: _Model, point: Parameters, weights: np.ndarray) -> _Solved:

@@ -112,6 +112,17 @@ def test_an_even_image_has_no_blobs(gray, noise):
     assert found(background(gray), noise=noise) == []
 
 
+def test_a_pad_above_more_dim_blobs_than_are_looked_at_is_found():
+    gray = np.full((1080, 1440), 10, np.uint8)
+    for number in range(120):
+        row, column = divmod(number, 30)
+        gray[600 + 80 * row :, :][:31, 40 + 45 * column :][:, :31] = 60
+    gray[60:300, 500:900] = 200
+    boxes = [cv2.boundingRect(blob.contour) for blob in stable_blobs(gray)]
+    largest = max(boxes, key=lambda one: one[2] * one[3])
+    np.testing.assert_allclose(largest, (500, 60, 400, 240), atol=2)
+
+
 def test_specks_are_no_blobs():
     side = round(np.sqrt(LEAST_AREA * ROWS * COLUMNS))
     light = background()

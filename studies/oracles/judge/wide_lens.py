@@ -17,7 +17,7 @@ PROJECTIONS = {**HEIGHTS, "arctangent": np.arctan}
 """Image height in focal lengths at an angle from the axis.
 
 Four coefficients fit every textbook projection to 0.01 px rms in 600 px, 200° wide; the
-arctangent, whose series ends at 57°, only to 0.2 px: a blend with it has a model error.
+arctangent, whose series ends at 57°, only to 0.2 px, and no polynomial is a blend with it.
 """
 
 TABLED = 40_001

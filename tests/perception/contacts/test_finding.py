@@ -31,13 +31,23 @@ needs_mitsuba = pytest.mark.skipif(
 )
 
 
-def found_in(bumps, *, lit, slope=(0.0, 0.0), gamma=1.0, jpeg=None, seed=0, levels=(0.35, 0.35)):
+def found_in(
+    bumps,
+    *,
+    lit,
+    slope=(0.0, 0.0),
+    gamma=1.0,
+    jpeg=None,
+    seed=0,
+    levels=(0.35, 0.35),
+    unlit=(),
+):
     generator = np.random.default_rng(seed)
     pressed, flat = (
         picture_of(light_of(own, lit, slope), generator, gamma=gamma, jpeg=jpeg, level=level)
         for own, level in zip((bumps, []), levels, strict=True)
     )
-    own = lamps() if lit else []
+    own = lamps() if lit else unlit
     return find_contacts(pressed, flat, view(), sight(slope), own, response(gamma))
 
 
@@ -103,6 +113,12 @@ def test_what_is_dark_shows_less_of_its_change():
     assert found.center == pytest.approx(bump[:2], abs=0.15)
     assert found.diameter == pytest.approx(bump.diameter, rel=0.1)
     assert found.depth == pytest.approx(bump.depth, rel=0.4)
+
+
+def test_lamps_that_light_no_color_from_aside_are_even_light():
+    bump = Bump(9.0, 2.0, 3.0, 0.6)
+    [one], [other] = (found_in([bump], lit=False, unlit=own) for own in ((), [None] * 3))
+    np.testing.assert_array_equal(one.measured, other.measured)
 
 
 def test_hues_of_blocks_are_no_contacts():
