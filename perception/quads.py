@@ -134,6 +134,7 @@ def fit_quads(
     """As `fit_quad`, of several contours at once, which takes half of the time."""
     starts: list[_Start | None] = []
     for contour in contours:
+        checked_brightness(gray, lens.shape, contour)
         rays = lens.pixel_rays(contour)
         plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
         corners = first_corners(plane.flat(rays))
@@ -181,6 +182,7 @@ def follow_quads(
             starts.append(None)
             continue
         outline = np.clip(np.round(corners).astype(int), 0, limits)
+        checked_brightness(gray, lens.shape, outline)
         starts.append(_Start(plane.angle, flat, outline))
     return _settled(gray, lens, starts, lamps, beside)
 
@@ -276,7 +278,7 @@ def _settled(
             latest = fits
         for every, part in zip(latest, fits, strict=True):
             every[asked] = part
-        # A blotch, hardly there on any side, is not looked at more closely.
+        # A blotch, hardly there on any side, gets no further round.
         going = fits.is_outline & (fits.contrast.max(axis=1) >= LEAST_CONTRAST)
         asked, corners = asked[going], fits.corners[going]
         if not left or not asked.size:

@@ -82,7 +82,7 @@ def test_the_variance_of_a_line_is_the_scatter_of_repeats(alike, within):
     for share in (0.0, 0.5, 1.0):
         scatter = np.var([line.at(share) for line in lines])
         expected = np.mean([line.variances(share)[0] for line in lines])
-        # 400 draws know a variance to 7 % (1 σ); weights make it a little larger than stated.
+        # A variance of 400 draws is off by 7 % (1 σ); weights make it a little larger than stated.
         assert expected / scatter == pytest.approx(1, abs=within)
 
 
