@@ -331,6 +331,10 @@ class _Search(NamedTuple):
 
     def judged(self, index: int, value: int, quad: Quad) -> Quad:
         """A quadrilateral, and whether its sides, if all are good, are those of all of the pad."""
+        if quad.before_lamp:
+            # It is all of the pad if its length is likelier so than with a part behind the lamp.
+            whole = replace(quad, quality=Quality.COMPLETE, before_lamp=False)
+            return whole if self.judged(index, value, whole) is whole else quad
         if quad.quality is not Quality.COMPLETE:
             return quad
         # Edges are found in noise, too, but not in a line.

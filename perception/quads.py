@@ -76,6 +76,8 @@ class Quad:
         quality: complete, clipped, of low contrast or blurred.
         apart: whether some color ends elsewhere than at its lower and at its upper end: what lies
             behind a pad has other colors.
+        before_lamp: whether it is clipped only as a lamp lies across an end, which may hide a part
+            of the pad.
     """
 
     rays: Float[np.ndarray, "4 2"]
@@ -87,6 +89,7 @@ class Quad:
     scatter: float
     quality: Quality
     apart: Bool[np.ndarray, "2"] = field(default_factory=lambda: np.zeros(2, bool))
+    before_lamp: bool = False
 
 
 def fit_quad(
@@ -336,8 +339,7 @@ def _quads(
         left, top, width, height = cv2.boundingRect(contour.astype(np.int32))
         cut = min(left, top) <= NEAR_BORDER or left + width > columns or top + height > rows
         quality = Quality.COMPLETE
-        # A lamp across an end may be before it, and hide a part of the pad.
-        if cut or fits.lit[i, 1::2].any():
+        if cut:
             quality = Quality.CLIPPED
         elif contrast < LEAST_CONTRAST:
             quality = Quality.LOW_CONTRAST
@@ -345,9 +347,20 @@ def _quads(
             quality = Quality.BLURRED
         elif not np.isfinite(scatter):
             quality = Quality.LOW_CONTRAST
-        area = float(cv2.contourArea(contour))
-        covariances = covariance[i], roughness[i]
-        quads.append(Quad(rays[i], at[i], *covariances, area, contrast, scatter, quality))
+        # A lamp across an end may be before it, and hide a part of the pad.
+        lit = bool(fits.lit[i, 1::2].any())
+        found = Quad(
+            rays=rays[i],
+            corners=at[i],
+            covariance=covariance[i],
+            roughness=roughness[i],
+            area=float(cv2.contourArea(contour)),
+            contrast=contrast,
+            scatter=scatter,
+            quality=Quality.CLIPPED if lit else quality,
+            before_lamp=lit and quality is Quality.COMPLETE,
+        )
+        quads.append(found)
     return quads
 
 
