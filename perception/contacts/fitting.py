@@ -46,8 +46,12 @@ FEWEST = 30
 FLOOR = 0.005
 """The model of the light is no better than that, part of the light."""
 
-SPREAD = 1.5
-"""Pixels: a pixel and the lens spread what is seen over as much as a square so large."""
+SPREAD, COLOR_SPREAD = 1.5, 3.0
+"""Pixels: a pixel and the lens spread what is seen over as much as a square so large, and a color.
+
+Compressed pictures have chroma at half the resolution: means over 2 x 2 pixels, interpolated
+linearly, which is as much as a square of 3.8 pixels. A color is brightness and chroma.
+"""
 
 CAUCHY = 2.385
 """Deviations at which a sample counts half: 95 % as good for normal noise (P. Holland, R. Welsch,
@@ -210,7 +214,8 @@ def _sample(change: Change, circle: Circle, others: Circles) -> _Samples:
     own = (np.hypot(u - along, v - across) < reach) & (inner > 0.99)
     for other in others:
         own &= np.hypot(u - other[0], v - other[1]) > other[2] + APART
-    blur = math.hypot(cells * CELL, SPREAD * math.sqrt(change.pixels_at(along, across).prod()))
+    spread = SPREAD if part.shape[-1] == 1 else COLOR_SPREAD
+    blur = math.hypot(cells * CELL, spread * math.sqrt(change.pixels_at(along, across).prod()))
     deviation = np.hypot(change.noise(cells) * noisiness[own], np.hypot(unsure[own], FLOOR))
     return _Samples(u[own], v[own], part[own], deviation, slopes[own], blur)
 
