@@ -15,8 +15,9 @@ from perception.medians import median
 from perception.sampling import sampled
 from perception.sides import TRIMMED
 
-PLACES = 24
-"""Along an end, but for its trimmed parts."""
+PLACES, PARTS = 24, 3
+"""Along an end, but for its trimmed parts, and what that is cut into, of which most must agree
+where not all of it does: beside a lamp not the same colors are bright as beside another one."""
 
 ACROSS = np.linspace(TRIMMED, 1 - TRIMMED, PLACES)[:, None]
 """Parts of the way along an end at which these are."""
@@ -76,10 +77,14 @@ def find_colors_apart(
         picture,
         (places[:, :, None] + along[:, None] * normals[:, None, None]).reshape(-1, len(along), 2),
     )
-    # By end and color, along the normal.
-    profiles = median(light.reshape(2, PLACES, len(along), 3).transpose(0, 3, 2, 1))
+    # By end, color and part of the end, of which the last is all of it, along the normal.
+    light = light.reshape(2, PARTS, -1, len(along), 3).transpose(0, 4, 1, 3, 2)
+    whole = np.concatenate(np.split(light, PARTS, axis=2), axis=-1)
+    profiles = np.concatenate([median(light), median(whole)], axis=2)
     inside = median(profiles[..., : inward // 3])
-    outside = profiles[..., inward + 1 :].min(axis=2)
+    outside = profiles[..., inward + 1 :].min(axis=-1)
     below = profiles < (inside + outside)[..., None] / 2
-    first_below = along[np.argmax(below, axis=2)] - 0.5
-    return np.any((np.abs(first_below) > APART) & (inside - outside >= CONTRAST), axis=1)
+    first_below = along[np.argmax(below, axis=-1)] - 0.5
+    apart = (np.abs(first_below) > APART) & (inside - outside >= CONTRAST)
+    *parts, all_of_it = np.moveaxis(apart.any(axis=1), 1, 0)
+    return all_of_it | (np.count_nonzero(parts, axis=0) > PARTS / 2)

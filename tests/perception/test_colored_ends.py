@@ -79,3 +79,17 @@ def test_a_color_without_a_step_ends_nowhere(step, seen):
     picture[..., 0] = 20 + (red - red.min()) * step / np.ptp(red)
     picture[..., 2] = picture[..., 1]
     assert find_colors_apart(picture, LENS, quad.rays)[1] == seen
+
+
+@pytest.mark.parametrize(("strip", "apart"), [(45.0, True), (5.0, False)])
+def test_between_two_lamps_either_side_shows_where_the_end_is(strip, apart):
+    """In the middle the strip is as bright as the pad, and so is its median."""
+    picture = np.full((EYE.rows, EYE.columns, 3), 5.0)
+    ramp = np.linspace(10, 120, 150)
+    picture[200:260, 150:300] = np.stack([ramp, np.full(150, 12.0), ramp[::-1]], axis=-1)
+    picture[260:268, 150:300, ::2] = strip
+    low = 267.5 if apart else 259.5
+    corners = np.array([[149.5, low], [149.5, 199.5], [299.5, 199.5], [299.5, low]])
+    lens = Eye(pinhole=True).lens()
+    picture = stored(cv2.GaussianBlur(picture, (0, 0), 0.8), noise=2.0)
+    assert find_colors_apart(picture, lens, lens.rays(corners)).tolist() == [apart, False]
