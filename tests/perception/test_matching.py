@@ -194,13 +194,17 @@ def test_a_view_flatter_than_its_pads_limit_is_flat(pad, path):
     ("share", "short", "quality"),
     [(1, 0.98, "COMPLETE"), (0.5, 0.98, "CLIPPED"), (0.5, 1, "COMPLETE"), (0, 1, "CLIPPED")],
 )
-def test_where_a_part_may_be_hidden_a_view_must_be_as_long_as_its_pad(share, short, quality):
+@pytest.mark.parametrize("lamp", [False, True])
+def test_where_a_part_may_be_hidden_a_view_must_be_as_long_as_its_pad(share, short, quality, lamp):
     """2 % of the length: within the errors where all is seen, too much where it may not be."""
     corners = corners_in(BOTH)[0]
     cut = corners.copy()
     cut[[1, 2]] += (1 - short) * (corners[[0, 3]] - corners[[1, 2]])
     known = changed(0, unhidden=np.full(len(ANGLES), float(share)))
-    view = found_in(match_views([quad_of(cut, deviation=0.1)], known, LENS), *VIEWS[0])
+    quad = quad_of(cut, deviation=0.1)
+    if lamp:
+        quad = dataclasses.replace(quad, quality=Quality.CLIPPED, before_lamp=True)
+    view = found_in(match_views([quad], known, LENS), *VIEWS[0])
     assert view.quality is Quality[quality]
 
 

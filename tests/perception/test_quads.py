@@ -276,6 +276,22 @@ def test_a_view_that_has_run_into_a_brighter_one_ends_at_the_seam(end, gap, brig
     assert np.einsum("ci,cij,cj->c", off, spread, off).max() < 3.5**2
 
 
+@pytest.mark.parametrize(("dimmed", "only_by_lamp"), [(1.0, True), (0.03, False)])
+def test_a_lamp_across_an_end_may_hide_a_part(dimmed, only_by_lamp):
+    pad = PADS["before"]
+    light, corners = drawn(WIDE, [pad]), WIDE.places(pad.corners())
+    (left, top), (right, _) = corners[1:3].astype(int)
+    lamps = np.zeros(light.shape, np.uint8)
+    lamps[top - 14 : top + 2, left - 20 : right + 20] = 255
+    contour = contour_of(light)
+    light = np.where(lamps > 0, 1000.0, DARK + dimmed * (light - DARK))
+    gray = stored(cv2.GaussianBlur(light, (0, 0), 0.8))
+    quad = fit_quad(gray.astype(np.float32), LENS, contour, lamps)
+    assert quad is not None
+    assert quad.quality is Quality.CLIPPED
+    assert quad.before_lamp == only_by_lamp
+
+
 @pytest.mark.parametrize("end", [0, 1])
 def test_where_light_does_not_rise_to_another_view_there_is_no_seam(end):
     pad = PADS["before"]

@@ -12,7 +12,7 @@ import pytest
 from designopt import UserError
 from perception.contacts import find_contacts
 from perception.contacts.change import Change
-from perception.contacts.fitting import fit, start_at
+from perception.contacts.fitting import COLOR_SPREAD, SPREAD, fit, start_at
 from perception.places import Sight, find_sight
 from perception.unwarping import PER_MM
 from tests.perception.contacts.shaded import (
@@ -132,6 +132,24 @@ def test_hues_of_blocks_are_no_contacts():
     picture = np.clip(np.rint(codes), 0, 255).astype(np.uint8)
     assert np.abs(picture.astype(float) - flat).max() > 3
     assert find_contacts(picture, flat, view(), sight(), []) == []
+
+
+def test_compressed_pictures_spread_colors_as_is_reckoned_with():
+    """A column that is redder, and no brighter, at every place of a block."""
+    luma = np.array([0.299, 0.587, 0.114])  # ITU-R BT.601
+    redder = np.array([60, -60 * luma[0] / luma[1], 0])
+    around, red = np.arange(-12, 13), np.zeros(25)
+    for column in range(64, 80):
+        picture = np.full((64, 144, 3), 128.0)
+        picture[:, column] += redder
+        pixels = np.rint(picture[..., ::-1]).astype(np.uint8)
+        _, file = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, 98])
+        stored = cv2.imdecode(file, cv2.IMREAD_COLOR)
+        assert stored is not None
+        red += stored[16:48, column + around, 2].mean(axis=0) - 128
+    share = red / red.sum()
+    variance = share @ (around - share @ around) ** 2
+    assert math.sqrt(SPREAD**2 + 12 * variance) == pytest.approx(COLOR_SPREAD, abs=0.05)
 
 
 def test_what_lies_in_the_shadow_of_another_contact_is_not_fitted():
