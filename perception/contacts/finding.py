@@ -18,6 +18,8 @@ from perception.contacts.fitting import (
     Circles,
     Fit,
     fit,
+    mean_of,
+    spreads_of,
     start_at,
 )
 from perception.contacts.lamps import Lamps
@@ -116,19 +118,22 @@ def is_contact(own: Fit) -> bool:
 
 def _fit_best(change: Change, circle: Circle, others: Circles, lamps: Lamps) -> Fit | None:
     """The fit from the best of several sizes."""
+    spread = spreads_of(change)[0]
     starts = (start_at(circle * [1, 1, factor]) for factor in SIZES)
-    fits = (fit(change, start, others, lamps, steps=0) for start in starts)
+    fits = (fit(change, start, others, lamps, spread, steps=0) for start in starts)
     best = max((one for one in fits if one), key=lambda one: one.explained, default=None)
     # In the light of lamps the shading is nearly right from the start.
     if best is None or (any(lamps) and best.strength < STRONG / 2):
         return None
-    return fit(change, best.parameters, others, lamps)
+    return fit(change, best.parameters, others, lamps, spread)
 
 
 def _fit_again(change: Change, one: Fit, found: list[Fit], lamps: Lamps) -> Fit:
+    """With all others known, and whatever the spread of what is seen is."""
     others = _circles([other for other in found if other is not one])
-    own = fit(change, one.parameters, others, lamps)
-    return own if own is not None and is_contact(own) else one
+    fits = (fit(change, one.parameters, others, lamps, each) for each in spreads_of(change))
+    sure = [own for own in fits if own is not None and is_contact(own)]
+    return mean_of(sure) if sure else one
 
 
 def _without_parts(fits: list[Fit]) -> list[Fit]:

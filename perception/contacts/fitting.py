@@ -18,7 +18,8 @@ that: `DEPTH_BY_LAMPS` is added to it, and to what follows it; `EDGE_BY_LAMPS` t
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -46,11 +47,12 @@ FEWEST = 30
 FLOOR = 0.005
 """The model of the light is no better than that, part of the light."""
 
-SPREAD, COLOR_SPREAD = 1.5, 3.0
-"""Pixels: a pixel and the lens spread what is seen over as much as a square so large, and a color.
+SPREAD, COLOR_SPREADS = 1.5, (3.0, 6.0)
+"""Pixels: a pixel and the lens spread what is seen over as much as a square so large, and colors.
 
 Compressed pictures keep chroma at half the resolution, which spreads it by a variance of 0.57
-pixels² (JPEG, 4:2:0), twelve times which a square has squared.
+pixels² (JPEG, 4:2:0), twelve times which a square has squared; where chroma changes by less than 20
+codes the fine part of that is dropped, too (quality 90), and edges are twice as wide.
 """
 
 CAUCHY = 2.385
@@ -127,8 +129,31 @@ def start_at(circle: Circle) -> Parameters:
     return np.array([circle[0], circle[1], math.log(circle[2]), *EXPECTED[3:]])
 
 
+def spreads_of(change: Change) -> tuple[float, ...]:
+    """What one fit after the other may take as the spread of what is seen, pixels."""
+    return COLOR_SPREADS if change.part.shape[-1] > 1 else (SPREAD,)
+
+
+def mean_of(fits: Sequence[Fit]) -> Fit:
+    """A contact by fits that are as likely as each other: what they differ by is uncertain.
+
+    Args:
+        fits: at least one.
+    """
+    every = np.array([one.parameters for one in fits])
+    middle = every.mean(axis=0)
+    within = np.mean([one.covariance for one in fits], axis=0)
+    between = (every - middle).T @ (every - middle) / len(fits)
+    return replace(fits[0], parameters=middle, covariance=within + between)
+
+
 def fit(
-    change: Change, start: Parameters, others: Circles, lamps: Lamps, steps: int = STEPS
+    change: Change,
+    start: Parameters,
+    others: Circles,
+    lamps: Lamps,
+    spread: float,
+    steps: int = STEPS,
 ) -> Fit | None:
     """Fit a contact; ``None`` where there is too little of it on the pad.
 
@@ -137,11 +162,12 @@ def fit(
         start: parameters near which it is.
         others: contacts near it, which are left out.
         lamps: that light the pad.
+        spread: of what is seen, pixels.
         steps: at most; without any only the light is fitted.
     """
     point = np.clip(start, LEAST, MOST)
     circle = np.array([*point[:2], math.exp(point[2])])
-    samples = _sample(change, circle, others)
+    samples = _sample(change, circle, others, spread)
     if len(samples.along) < FEWEST:
         return None
     problem = _Problem(change, samples, lamps, circle, others)
@@ -189,7 +215,7 @@ class _Samples(NamedTuple):
     blur: float
 
 
-def _sample(change: Change, circle: Circle, others: Circles) -> _Samples:
+def _sample(change: Change, circle: Circle, others: Circles, spread: float) -> _Samples:
     """What has changed about a circle, away from others and from the pad's edges."""
     along, across, radius = circle.tolist()
     cells = max(1, round(radius / PER_RADIUS / CELL))
@@ -214,7 +240,6 @@ def _sample(change: Change, circle: Circle, others: Circles) -> _Samples:
     own = (np.hypot(u - along, v - across) < reach) & (inner > 0.99)
     for other in others:
         own &= np.hypot(u - other[0], v - other[1]) > other[2] + APART
-    spread = SPREAD if part.shape[-1] == 1 else COLOR_SPREAD
     blur = math.hypot(cells * CELL, spread * math.sqrt(change.pixels_at(along, across).prod()))
     deviation = np.hypot(change.noise(cells) * noisiness[own], np.hypot(unsure[own], FLOOR))
     return _Samples(u[own], v[own], part[own], deviation, slopes[own], blur)

@@ -12,7 +12,7 @@ import pytest
 from designopt import UserError
 from perception.contacts import find_contacts
 from perception.contacts.change import Change
-from perception.contacts.fitting import COLOR_SPREAD, SPREAD, fit, start_at
+from perception.contacts.fitting import COLOR_SPREADS, SPREAD, Fit, fit, mean_of, start_at
 from perception.places import Sight, find_sight
 from perception.unwarping import PER_MM
 from tests.perception.contacts.shaded import (
@@ -149,7 +149,24 @@ def test_compressed_pictures_spread_colors_as_is_reckoned_with():
         red += stored[16:48, column + around, 2].mean(axis=0) - 128
     share = red / red.sum()
     variance = share @ (around - share @ around) ** 2
-    assert math.sqrt(SPREAD**2 + 12 * variance) == pytest.approx(COLOR_SPREAD, abs=0.05)
+    assert math.sqrt(SPREAD**2 + 12 * variance) == pytest.approx(COLOR_SPREADS[0], abs=0.05)
+
+
+def test_fits_that_are_as_likely_are_averaged_as_a_mixture_of_normals():
+    """Against samples of the mixture."""
+    generator = np.random.default_rng(3)
+    roots = generator.standard_normal((2, 5, 5))
+    fits = [
+        Fit(generator.standard_normal(5), root @ root.T, 0.9, strength, 1.0)
+        for root, strength in zip(roots, (30.0, 20.0), strict=True)
+    ]
+    samples = np.concatenate(
+        [generator.multivariate_normal(one.parameters, one.covariance, 200_000) for one in fits]
+    )
+    found = mean_of(fits)
+    np.testing.assert_allclose(found.parameters, samples.mean(axis=0), atol=0.02)
+    np.testing.assert_allclose(found.covariance, np.cov(samples.T), atol=0.1)
+    assert found.strength == 30.0
 
 
 def test_what_lies_in_the_shadow_of_another_contact_is_not_fitted():
@@ -160,8 +177,8 @@ def test_what_lies_in_the_shadow_of_another_contact_is_not_fitted():
     change = Change.of(pressed, flat, sight(), None, colored=True)
     start = start_at(np.array([12.0, -5.0, 1.5]))
     lit = [lamps()[0], None, None]
-    assert fit(change, start, np.zeros((0, 3)), lit) is not None
-    assert fit(change, start, np.array([[12.0, 9.0, 6.0]]), lit) is None
+    assert fit(change, start, np.zeros((0, 3)), lit, SPREAD) is not None
+    assert fit(change, start, np.array([[12.0, 9.0, 6.0]]), lit, SPREAD) is None
 
 
 def test_what_is_pressed_off_the_pad_is_not_claimed():
