@@ -17,8 +17,8 @@ from jaxtyping import Float, UInt8
 
 from perception.images import checked_image
 
-COLUMNS = 160
-"""Places in a row, at the least: each is the mean of a square of pixels."""
+COLUMNS, ROWS = 80, 3
+"""Places in a row, at the least: each is the mean of so many rows of a square of pixels."""
 
 DARK, BRIGHT = 30, 240
 """Codes between which a place of the reference counts; in an image it may be half as dark."""
@@ -131,7 +131,8 @@ def _shrunk(image: UInt8[np.ndarray, "rows columns 3"]) -> Float[np.ndarray, "3 
     rows, columns = image.shape[:2]
     step = max(columns // COLUMNS, 1)
     size = (columns // step, max(rows // step, 1))
-    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    # All rows would take longer than what is made of them.
+    small = cv2.resize(image[:: max(step // ROWS, 1)], size, interpolation=cv2.INTER_AREA)
     return small.reshape(-1, 3).T.astype(np.float32)
 
 
