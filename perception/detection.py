@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -26,9 +26,7 @@ COLOR_DOUBT = 0.3
 """px: by so much layers and lens image red and blue elsewhere than green, for which corners are
 predicted."""
 
-Light = Float[np.ndarray, "rows columns"]
 Fits = list[Quad | None]
-Fit = Callable[[Light, Lens, Sequence[np.ndarray], Mask | None], Fits]
 
 BLOOM = 3
 """A lamp's light spreads over so many pixels beside it, which are no part of a pad."""
@@ -98,45 +96,49 @@ class _Light(NamedTuple):
         """All quadrilaterals, from the image's top to its bottom."""
         codes = self.codes if self.lamps is None else without_lamps(self.codes, self.lamps, BLOOM)
         blobs = join_halves(stable_blobs(codes))
-        found = self.fit(lens, fit_quads, [blob.contour for blob in blobs])
-        quads = [quad for quad in found if quad is not None]
+        contours = [blob.contour for blob in blobs]
+        if self.green is None:
+            found = fit_quads(self.brightest, lens, contours, self.lamps)
+        else:
+            found = fit_quads(self.green, lens, contours, self.lamps)
+            doubtful = [i for i, quad in enumerate(found) if not _is_clear(quad)]
+            about = [contours[i] for i in doubtful]
+            others = fit_quads(self.brightest, lens, about, self.lamps)
+            for i, other in zip(doubtful, others, strict=True):
+                found[i] = _clearer(found[i], other)
+        quads = [self.colored(quad, lens) for quad in found if quad is not None]
         return sorted(quads, key=lambda quad: float(quad.corners[:, 1].mean()))
 
     def follow(
         self, lens: Lens, expected: Sequence[Float[np.ndarray, "4 2"]], beside: int | None
     ) -> Fits:
         """The quadrilaterals whose corners are expected at given places, as `follow_quads`."""
-        return self.fit(lens, partial(follow_quads, beside=beside), expected)
-
-    def fit(self, lens: Lens, fit: Fit, about: Sequence[np.ndarray]) -> Fits:
-        """Quadrilaterals fitted in green where this is bright enough, else in the brightest color.
-
-        Where a color ends elsewhere than at its end, that may be none of a pad.
-
-        Args:
-            lens: of the camera.
-            fit: finds one about each contour, or from each quadruple of corners.
-            about: these.
-        """
         if self.green is None:
-            return fit(self.brightest, lens, about, self.lamps)
-        quads = fit(self.green, lens, about, self.lamps)
-        doubtful = [i for i, quad in enumerate(quads) if not _is_clear(quad)]
-        others = fit(self.brightest, lens, [about[i] for i in doubtful], self.lamps)
-        for i, other in zip(doubtful, others, strict=True):
-            if other is not None:
-                covariance = other.covariance + COLOR_DOUBT**2 * np.eye(2)
-                quads[i] = replace(other, covariance=covariance)
-        return [
-            replace(quad, apart=find_colors_apart(self.picture, lens, quad.rays))
-            if quad is not None and quad.quality is Quality.COMPLETE
-            else quad
-            for quad in quads
-        ]
+            return follow_quads(self.brightest, lens, expected, self.lamps, beside)
+        # In both colors at once: of a few it takes hardly longer than in one.
+        count = len(expected)
+        every = [self.green] * count + [self.brightest] * count
+        quads = follow_quads(every, lens, [*expected, *expected], self.lamps, beside)
+        pairs = zip(quads[:count], quads[count:], strict=True)
+        found = [one if _is_clear(one) else _clearer(one, other) for one, other in pairs]
+        return [None if quad is None else self.colored(quad, lens) for quad in found]
+
+    def colored(self, quad: Quad, lens: Lens) -> Quad:
+        """A quadrilateral, and whether some color ends elsewhere than at its ends."""
+        if self.green is None or quad.quality is not Quality.COMPLETE:
+            return quad
+        return replace(quad, apart=find_colors_apart(self.picture, lens, quad.rays))
 
 
 def _is_clear(quad: Quad | None) -> bool:
     return quad is not None and quad.contrast >= CONTRAST and quad.quality is Quality.COMPLETE
+
+
+def _clearer(quad: Quad | None, other: Quad | None) -> Quad | None:
+    """What is found in the brightest color, in place of what is in green, if it is there at all."""
+    if other is None:
+        return quad
+    return replace(other, covariance=other.covariance + COLOR_DOUBT**2 * np.eye(2))
 
 
 def detect_views(image: object, lens: Lens, catalog: ViewCatalog) -> Sighting:

@@ -22,7 +22,16 @@ from perception.lens import Lens, TangentPlane
 from perception.lines import Lines, fit_lines
 from perception.masks import Mask
 from perception.quality import Quality
-from perception.sides import FEET, FOLLOWING, LEAST_CONTRAST, REACH, SMALL, Sides, find_edges
+from perception.sides import (
+    FEET,
+    FOLLOWING,
+    LEAST_CONTRAST,
+    REACH,
+    SMALL,
+    Light,
+    Sides,
+    find_edges,
+)
 
 HEIGHTS = np.linspace(0.15, 0.85, 12)
 """Parts of a contour's height at which its outermost points give its sides at first."""
@@ -146,7 +155,7 @@ def fit_quads(
 
 
 def follow_quads(
-    gray: Float[np.ndarray, "rows columns"],
+    gray: Light | Sequence[Light],
     lens: Lens,
     expected: Sequence[Float[np.ndarray, "4 2"]],
     lamps: Mask | None = None,
@@ -155,7 +164,7 @@ def follow_quads(
     """The views whose corners are expected at given places; as `fit_quads` otherwise.
 
     Args:
-        gray: light, float32.
+        gray: light, float32; that in which each is looked for where it is not the same for all.
         lens: of the camera.
         expected: corners of each, in the order of `Quad`.
         lamps: where lamps are in view, if any are.
@@ -176,8 +185,9 @@ def follow_quads(
         [[29.7, 69.5], [29.7, 19.5], [89.3, 19.5], [89.3, 69.5]]
     """
     starts: list[_Start | None] = []
-    limits = np.array(gray.shape[::-1]) - 1
-    for corners in expected:
+    limits = np.array(lens.shape[::-1]) - 1
+    every = itertools.repeat(gray) if isinstance(gray, np.ndarray) else gray
+    for corners, own in zip(expected, every, strict=False):
         rays = lens.rays(corners)
         plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
         flat = plane.flat(rays)
@@ -185,7 +195,7 @@ def follow_quads(
             starts.append(None)
             continue
         outline = np.clip(np.round(corners).astype(int), 0, limits)
-        checked_brightness(gray, lens.shape, outline)
+        checked_brightness(own, lens.shape, outline)
         starts.append(_Start(plane.angle, flat, outline))
     return _settled(gray, lens, starts, lamps, beside)
 
@@ -235,7 +245,7 @@ class _Fits(NamedTuple):
 
     @classmethod
     def of(
-        cls, gray: Float[np.ndarray, "rows columns"], lens: Lens, sides: Sides, lamps: Mask | None
+        cls, gray: Light | Sequence[Light], lens: Lens, sides: Sides, lamps: Mask | None
     ) -> _Fits:
         """What is found at sides."""
         edges = find_edges(gray, lens, sides, lamps)
@@ -257,7 +267,7 @@ class _Fits(NamedTuple):
 
 
 def _settled(
-    gray: Float[np.ndarray, "rows columns"],
+    gray: Light | Sequence[Light],
     lens: Lens,
     starts: Sequence[_Start | None],
     lamps: Mask | None,
@@ -276,7 +286,8 @@ def _settled(
     asked, latest = np.arange(len(begun)), None
     for left in range(STEPS)[::-1]:
         sides = Sides.between(angle[asked], corners, np.tile(adjoining, (len(asked), 1)))
-        fits = _Fits.of(gray, lens, sides, lamps)
+        light = gray if isinstance(gray, np.ndarray) else [gray[begun[i]] for i in asked]
+        fits = _Fits.of(light, lens, sides, lamps)
         if latest is None:
             latest = fits
         for every, part in zip(latest, fits, strict=True):

@@ -7,6 +7,7 @@ All of this is in the tangent plane of the view's rays, where sides are straight
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -83,6 +84,8 @@ SMALL = 1e-4
 LEAST_CONTRAST = 5.0
 """Of 255: a lower step is no edge that can be relied on."""
 
+
+Light = Float[np.ndarray, "rows columns"]
 
 FOLLOWING = [1, 2, 3, 0]
 """Of each side, or corner, the one behind it."""
@@ -181,14 +184,14 @@ class Edges:
 
 
 def find_edges(
-    gray: Float[np.ndarray, "rows columns"], lens: Lens, sides: Sides, lamps: Mask | None = None
+    gray: Light | Sequence[Light], lens: Lens, sides: Sides, lamps: Mask | None = None
 ) -> Edges:
     """The edges of all sides: where light first falls below half of its step outward.
 
     Beside a lamp in view, or a brighter view, it rises instead, or falls to a gap before it.
 
     Args:
-        gray: light, float32.
+        gray: light, float32; that of each view where it is not the same for all.
         lens: of the camera.
         sides: where they are expected.
         lamps: where lamps are in view, if any are.
@@ -205,7 +208,11 @@ def find_edges(
     # Column and row each by itself in memory, as they are sampled.
     first, way = (one.T[..., None].astype(np.float32) for one in (at, normal))
     places = np.moveaxis(first + LONGER * way, 0, -1)
-    long = cv2.blur(sampled(gray, places), (3, 1), borderType=cv2.BORDER_REPLICATE)
+    if isinstance(gray, np.ndarray):
+        light = sampled(gray, places)
+    else:
+        light = np.concatenate(list(map(sampled, gray, np.split(places, views))))
+    long = cv2.blur(light, (3, 1), borderType=cv2.BORDER_REPLICATE)
     profile = long[:, 2 * NEAR :]
     # A narrow view may end again within reach: the brightest quarter is surely inside.
     inner = profile[:, : SAMPLES // 2 + 1]
