@@ -1,3 +1,4 @@
+from .chroma import has_fine_colors
 from .contact import Contact, fuse_contacts
 from .finding import find_contacts
 from .lamps import Lamp
@@ -7,4 +8,5 @@ __all__ = [
     "Lamp",
     "find_contacts",
     "fuse_contacts",
+    "has_fine_colors",
 ]

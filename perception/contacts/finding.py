@@ -19,7 +19,6 @@ from perception.contacts.fitting import (
     Fit,
     fit,
     mean_of,
-    spreads_of,
     start_at,
 )
 from perception.contacts.lamps import Lamps
@@ -51,6 +50,8 @@ def find_contacts(
     sight: Sight,
     lamps: Lamps,
     response: Float[np.ndarray, "256"] | None = None,
+    *,
+    fine: bool = False,
 ) -> list[Contact]:
     """Contacts on a pad, the strongest first.
 
@@ -61,6 +62,8 @@ def find_contacts(
         sight: how it shows the pad (`perception.places.find_sight`).
         lamps: that light the pad; none where the light is even.
         response: of the camera, as `perception.Lens` has it.
+        fine: whether the colors of the image are those of each pixel (`has_fine_colors`), which
+            those of compressed pictures are not.
 
     Returns:
         What is surely pressed in, and wholly on the pad. What cannot be seen is not claimed: where
@@ -88,7 +91,7 @@ def find_contacts(
         []
     """
     lamps = lamps if any(lamps) else []
-    change = Change.of(picture, reference, sight, response, colored=bool(lamps))
+    change = Change.of(picture, reference, sight, response, colored=bool(lamps), fine=fine)
     if change.is_misplaced():
         return []
     found: list[Fit] = []
@@ -118,7 +121,7 @@ def is_contact(own: Fit) -> bool:
 
 def _fit_best(change: Change, circle: Circle, others: Circles, lamps: Lamps) -> Fit | None:
     """The fit from the best of several sizes."""
-    spread = spreads_of(change)[0]
+    spread = change.spreads[0]
     starts = (start_at(circle * [1, 1, factor]) for factor in SIZES)
     fits = (fit(change, start, others, lamps, spread, steps=0) for start in starts)
     best = max((one for one in fits if one), key=lambda one: one.explained, default=None)
@@ -131,7 +134,7 @@ def _fit_best(change: Change, circle: Circle, others: Circles, lamps: Lamps) -> 
 def _fit_again(change: Change, one: Fit, found: list[Fit], lamps: Lamps) -> Fit:
     """With all others known, and whatever the spread of what is seen is."""
     others = _circles([other for other in found if other is not one])
-    fits = (fit(change, one.parameters, others, lamps, each) for each in spreads_of(change))
+    fits = (fit(change, one.parameters, others, lamps, each) for each in change.spreads)
     sure = [own for own in fits if own is not None and is_contact(own)]
     return mean_of(sure) if sure else one
 

@@ -47,14 +47,6 @@ FEWEST = 30
 FLOOR = 0.005
 """The model of the light is no better than that, part of the light."""
 
-SPREAD, COLOR_SPREADS = 1.5, (3.0, 6.0)
-"""Pixels: a pixel and the lens spread what is seen over as much as a square so large, and colors.
-
-Compressed pictures keep chroma at half the resolution, which spreads it by a variance of 0.57
-pixels² (JPEG, 4:2:0), twelve times which a square has squared; where chroma changes by less than 20
-codes the fine part of that is dropped, too (quality 90), and edges are twice as wide.
-"""
-
 CAUCHY = 2.385
 """Deviations at which a sample counts half: 95 % as good for normal noise (P. Holland, R. Welsch,
 Commun. Stat. A 6 (1977) 813)."""
@@ -127,11 +119,6 @@ class Fit:
 def start_at(circle: Circle) -> Parameters:
     """Parameters of a contact of usual depth and shape."""
     return np.array([circle[0], circle[1], math.log(circle[2]), *EXPECTED[3:]])
-
-
-def spreads_of(change: Change) -> tuple[float, ...]:
-    """What one fit after the other may take as the spread of what is seen, pixels."""
-    return COLOR_SPREADS if change.part.shape[-1] > 1 else (SPREAD,)
 
 
 def mean_of(fits: Sequence[Fit]) -> Fit:

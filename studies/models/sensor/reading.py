@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from perception import Sighting, View, compare_with_reference
-from perception.contacts import Contact, find_contacts, fuse_contacts
+from perception.contacts import Contact, find_contacts, fuse_contacts, has_fine_colors
 from perception.places import find_sight
 from perception.proprioception import JointAngles, Misfit, find_pose, observe
 from perception.unwarping import PER_MM, PlacesOf
@@ -172,12 +172,15 @@ class Reader:
         if light is not None:
             size = finger.catalog.lengths[views[0].pad], finger.width
             lamps, response = light.lamps(*size), finger.lens.response
+            fine = any(lamps) and has_fine_colors(image)
             for view, places_of, picture, reference in zip(
                 views, places, pictures, references, strict=True
             ):
                 if reference is not None:
                     sight = find_sight(places_of, *size)
-                    found.append(find_contacts(picture, reference, view, sight, lamps, response))
+                    found.append(
+                        find_contacts(picture, reference, view, sight, lamps, response, fine=fine)
+                    )
         contacts = fuse_contacts(found) if found else None
         return PadReading(views[0], pictures[0], difference, contacts, tuple(places))
 

@@ -17,7 +17,7 @@ from designopt.user_folders import cache_folder
 from optics import parse_scene
 from optics.rendering import Effects
 from perception import View
-from perception.contacts import Contact, Lamp, find_contacts, fuse_contacts
+from perception.contacts import Contact, Lamp, find_contacts, fuse_contacts, has_fine_colors
 from perception.places import Sight, find_sight
 from studies.image_check.cases import EVEN, Finger, nominal, plain, pose_of, with_lamps
 from studies.models.one_thread import one_thread
@@ -173,10 +173,17 @@ def add_finger(
             if reference is None:
                 continue
             lamps = lamps_of(finger, one.view.pad)
+            fine = has_fine_colors(pictures[frame])
             with one_thread():
                 start = time.perf_counter()
                 found = find_contacts(
-                    one.picture, reference.picture, one.view, one.sight, lamps, sensor.lens.response
+                    one.picture,
+                    reference.picture,
+                    one.view,
+                    one.sight,
+                    lamps,
+                    sensor.lens.response,
+                    fine=fine,
                 )
                 seconds = time.perf_counter() - start
             own = where | {"frame": frame, "pad": one.view.pad, "path": one.view.path}

@@ -11,8 +11,8 @@ import pytest
 
 from designopt import UserError
 from perception.contacts import find_contacts
-from perception.contacts.change import Change
-from perception.contacts.fitting import COLOR_SPREADS, SPREAD, Fit, fit, mean_of, start_at
+from perception.contacts.change import COLOR_SPREADS, SPREAD, Change
+from perception.contacts.fitting import Fit, fit, mean_of, start_at
 from perception.places import Sight, find_sight
 from perception.unwarping import PER_MM
 from tests.perception.contacts.shaded import (
@@ -48,7 +48,8 @@ def found_in(
         for own, level in zip((bumps, []), levels, strict=True)
     )
     own = lamps() if lit else unlit
-    return find_contacts(pressed, flat, view(), sight(slope), own, response(gamma))
+    fine = jpeg is None
+    return find_contacts(pressed, flat, view(), sight(slope), own, response(gamma), fine=fine)
 
 
 @pytest.mark.parametrize("lit", [True, False])
@@ -174,7 +175,7 @@ def test_what_lies_in_the_shadow_of_another_contact_is_not_fitted():
     pressed, flat = (
         picture_of(light_of(own, True), generator) for own in ([Bump(12.0, -5.0, 3.0, 0.6)], [])
     )
-    change = Change.of(pressed, flat, sight(), None, colored=True)
+    change = Change.of(pressed, flat, sight(), None, colored=True, fine=True)
     start = start_at(np.array([12.0, -5.0, 1.5]))
     lit = [lamps()[0], None, None]
     assert fit(change, start, np.zeros((0, 3)), lit, SPREAD) is not None
@@ -249,7 +250,7 @@ def test_flat_views_and_dark_ones_claim_nothing():
 )
 def test_pictures_of_other_kinds_are_refused(picture, reference, message):
     with pytest.raises(UserError, match=message):
-        Change.of(picture, reference, sight(), None, colored=True)
+        Change.of(picture, reference, sight(), None, colored=True, fine=True)
 
 
 def test_pictures_of_two_sizes_are_refused():
