@@ -16,8 +16,8 @@ from perception.sampling import sampled
 from perception.sides import TRIMMED
 
 PLACES, PARTS = 24, 3
-"""Along an end, but for its trimmed parts, and what that is cut into, of which most must agree
-where not all of it does: beside a lamp not the same colors are bright as beside another one."""
+"""Places along an end, but for its trimmed parts, and parts that these are cut into: beside a lamp
+not the same colors are bright as beside another one."""
 
 ACROSS = np.linspace(TRIMMED, 1 - TRIMMED, PLACES)[:, None]
 """Parts of the way along an end at which these are."""
@@ -38,7 +38,8 @@ def find_colors_apart(
 ) -> Bool[np.ndarray, "2"]:
     """At which of a view's ends, the lower and the upper, some color ends more than 2 px away.
 
-    Of a view that is less than 12 px long nothing is known.
+    It does so if the median of all of the end shows that, or those of two of its thirds, of
+    whatever color. Of a view that is less than 12 px long nothing is known.
 
     Args:
         picture: red, green and blue.

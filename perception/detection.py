@@ -102,8 +102,7 @@ class _Light(NamedTuple):
         else:
             found = fit_quads(self.green, lens, contours, self.lamps)
             doubtful = [i for i, quad in enumerate(found) if not _is_clear(quad)]
-            about = [contours[i] for i in doubtful]
-            others = fit_quads(self.brightest, lens, about, self.lamps)
+            others = fit_quads(self.brightest, lens, [contours[i] for i in doubtful], self.lamps)
             for i, other in zip(doubtful, others, strict=True):
                 found[i] = _clearer(found[i], other)
         quads = [self.colored(quad, lens) for quad in found if quad is not None]
@@ -119,26 +118,30 @@ class _Light(NamedTuple):
         count = len(expected)
         every = [self.green] * count + [self.brightest] * count
         quads = follow_quads(every, lens, [*expected, *expected], self.lamps, beside)
-        pairs = zip(quads[:count], quads[count:], strict=True)
-        found = [one if _is_clear(one) else _clearer(one, other) for one, other in pairs]
+        found = map(_clearer, quads[:count], quads[count:])
         return [None if quad is None else self.colored(quad, lens) for quad in found]
 
     def colored(self, quad: Quad, lens: Lens) -> Quad:
         """A quadrilateral, and whether some color ends elsewhere than at its ends."""
-        if self.green is None or quad.quality is not Quality.COMPLETE:
+        if self.green is None or not _has_sides(quad):
             return quad
         return replace(quad, apart=find_colors_apart(self.picture, lens, quad.rays))
 
 
+def _has_sides(quad: Quad) -> bool:
+    """Whether all four sides are found, one of them maybe before a lamp."""
+    return quad.quality is Quality.COMPLETE or quad.before_lamp
+
+
 def _is_clear(quad: Quad | None) -> bool:
-    return quad is not None and quad.contrast >= CONTRAST and quad.quality is Quality.COMPLETE
+    return quad is not None and quad.contrast >= CONTRAST and _has_sides(quad)
 
 
-def _clearer(quad: Quad | None, other: Quad | None) -> Quad | None:
-    """What is found in the brightest color, in place of what is in green, if it is there at all."""
-    if other is None:
-        return quad
-    return replace(other, covariance=other.covariance + COLOR_DOUBT**2 * np.eye(2))
+def _clearer(green: Quad | None, brightest: Quad | None) -> Quad | None:
+    """What is found in green where that is clear, else in the brightest color, if it is there."""
+    if _is_clear(green) or brightest is None:
+        return green
+    return replace(brightest, covariance=brightest.covariance + COLOR_DOUBT**2 * np.eye(2))
 
 
 def detect_views(image: object, lens: Lens, catalog: ViewCatalog) -> Sighting:

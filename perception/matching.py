@@ -35,6 +35,10 @@ fingers with errors of fabrication are (root mean square): further off it is som
 LENGTH_SHARE, LENGTH_DEVIATIONS = 0.01, 2.5
 """A pad's length may come out wrong by that share and by so many standard deviations."""
 
+BEFORE_LAMP = 0.5
+"""A lamp that is seen across an end hides a part of the pad as likely as not, and more likely where
+the finger as designed has something there."""
+
 DOUBTED_DEVIATIONS = 1.0
 """By so many only too long, beside another view without a look for the seam between them."""
 
@@ -331,15 +335,11 @@ class _Search(NamedTuple):
 
     def judged(self, index: int, value: int, quad: Quad) -> Quad:
         """A quadrilateral, and whether its sides, if all are good, are those of all of the pad."""
-        if quad.before_lamp:
-            # It is all of the pad if its length is likelier so than with a part behind the lamp.
-            whole = replace(quad, quality=Quality.COMPLETE, before_lamp=False)
-            return whole if self.judged(index, value, whole) is whole else quad
-        if quad.quality is not Quality.COMPLETE:
+        if quad.quality is not Quality.COMPLETE and not quad.before_lamp:
             return quad
-        # Edges are found in noise, too, but not in a line.
+        # Edges are found in noise, too, but not in a line; before a lamp they are of the lamp.
         if quad.scatter >= STRAIGHT:
-            return replace(quad, quality=Quality.LOW_CONTRAST)
+            return quad if quad.before_lamp else replace(quad, quality=Quality.LOW_CONTRAST)
         catalog, lens = self.catalog, self.lens
         family = catalog.families[index]
         turn, aside = measured_skew(quad, catalog.width)
@@ -348,6 +348,8 @@ class _Search(NamedTuple):
         if measured_grazing(quad, catalog.width) < catalog.grazing[family.pad]:
             return replace(quad, quality=Quality.FLAT)
         whole = float(family.unhidden[_around(value)].mean())
+        if quad.before_lamp:
+            whole = min(whole, BEFORE_LAMP)
         wanted, of_finger = family.extent[value].tolist()
         length, of_corners = measured_length(quad, catalog.width, lens)
         deviation = math.hypot(of_corners, of_finger)
@@ -363,6 +365,8 @@ class _Search(NamedTuple):
         # Where the image can be searched for a seam, a view without one has not run into another.
         unsure = beside is not None and self.follow is None
         if length <= wanted + (DOUBTED_DEVIATIONS * deviation if unsure else allowed):
+            if quad.before_lamp:
+                return replace(quad, quality=Quality.COMPLETE, before_lamp=False)
             return quad
         if beside is None or length > (1 + LONGER) * wanted + allowed:
             return replace(quad, quality=Quality.MERGED)

@@ -28,7 +28,7 @@ from perception.sides import (
     LEAST_CONTRAST,
     REACH,
     SMALL,
-    Light,
+    Brightness,
     Sides,
     find_edges,
 )
@@ -85,8 +85,8 @@ class Quad:
         quality: complete, clipped, of low contrast or blurred.
         apart: whether some color ends elsewhere than at its lower and at its upper end: what lies
             behind a pad has other colors.
-        before_lamp: whether it is clipped only as a lamp lies across an end, which may hide a part
-            of the pad.
+        before_lamp: whether all four sides were found, but a lamp lies across an end, which may
+            hide a part of the pad: that is why it is clipped.
     """
 
     rays: Float[np.ndarray, "4 2"]
@@ -155,7 +155,7 @@ def fit_quads(
 
 
 def follow_quads(
-    gray: Light | Sequence[Light],
+    gray: Brightness | Sequence[Brightness],
     lens: Lens,
     expected: Sequence[Float[np.ndarray, "4 2"]],
     lamps: Mask | None = None,
@@ -186,8 +186,8 @@ def follow_quads(
     """
     starts: list[_Start | None] = []
     limits = np.array(lens.shape[::-1]) - 1
-    every = itertools.repeat(gray) if isinstance(gray, np.ndarray) else gray
-    for corners, own in zip(expected, every, strict=False):
+    every = [gray] * len(expected) if isinstance(gray, np.ndarray) else gray
+    for corners, own in zip(expected, every, strict=True):
         rays = lens.rays(corners)
         plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
         flat = plane.flat(rays)
@@ -245,7 +245,7 @@ class _Fits(NamedTuple):
 
     @classmethod
     def of(
-        cls, gray: Light | Sequence[Light], lens: Lens, sides: Sides, lamps: Mask | None
+        cls, gray: Brightness | Sequence[Brightness], lens: Lens, sides: Sides, lamps: Mask | None
     ) -> _Fits:
         """What is found at sides."""
         edges = find_edges(gray, lens, sides, lamps)
@@ -267,7 +267,7 @@ class _Fits(NamedTuple):
 
 
 def _settled(
-    gray: Light | Sequence[Light],
+    gray: Brightness | Sequence[Brightness],
     lens: Lens,
     starts: Sequence[_Start | None],
     lamps: Mask | None,

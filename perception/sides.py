@@ -85,7 +85,8 @@ LEAST_CONTRAST = 5.0
 """Of 255: a lower step is no edge that can be relied on."""
 
 
-Light = Float[np.ndarray, "rows columns"]
+Brightness = Float[np.ndarray, "rows columns"]
+"""Light of an image, float32, in codes of 8 bits."""
 
 FOLLOWING = [1, 2, 3, 0]
 """Of each side, or corner, the one behind it."""
@@ -184,7 +185,7 @@ class Edges:
 
 
 def find_edges(
-    gray: Light | Sequence[Light], lens: Lens, sides: Sides, lamps: Mask | None = None
+    gray: Brightness | Sequence[Brightness], lens: Lens, sides: Sides, lamps: Mask | None = None
 ) -> Edges:
     """The edges of all sides: where light first falls below half of its step outward.
 

@@ -46,14 +46,6 @@ bulges hide what is behind them, and light by way of layers depends on the joint
 APART = 1.5
 """Pixels: noise at places so far from each other has little in common."""
 
-SPREAD, COLOR_SPREADS = 1.5, (3.0, 6.0)
-"""Pixels: a pixel and the lens spread what is seen over as much as a square so large, and colors.
-
-Compressed pictures keep chroma at half the resolution, which spreads it by a variance of 0.57
-pixels² (JPEG, 4:2:0), twelve times which a square has squared; where chroma changes by less than 20
-codes the fine part of that is dropped, too (quality 90), and edges are twice as wide.
-"""
-
 NORMAL = 1.4826
 """Standard deviation of normal numbers over the median of their absolute values."""
 
@@ -78,7 +70,6 @@ class Change:
         slopes: of rays, as those of `Sight`.
         pixels: likewise.
         inner: which cells are away from the pad's edges and not seen too flat.
-        spreads: over how many pixels what is seen may be spread, each as likely.
     """
 
     part: Cells
@@ -89,7 +80,6 @@ class Change:
     slopes: Float[np.ndarray, "rows columns 2"]
     pixels: Float[np.ndarray, "rows columns 2"]
     inner: Bool[np.ndarray, "rows columns"]
-    spreads: tuple[float, ...]
     _noise: dict[int, float] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
@@ -101,7 +91,6 @@ class Change:
         response: Float[np.ndarray, "256"] | None,
         *,
         colored: bool,
-        fine: bool,
     ) -> Change:
         """From the unwarped pictures of a pad, pressed and untouched.
 
@@ -111,7 +100,6 @@ class Change:
             sight: how they show the pad.
             response: of the camera.
             colored: of all colors, red first.
-            fine: whether these are the colors of each pixel.
 
         Raises:
             UserError: one is no image of three channels of 8 bits, or they differ in size.
@@ -158,8 +146,7 @@ class Change:
         unsure = PIXEL * np.hypot(*(r * pixels[..., i, None] for i, r in enumerate(rises)))
         noisiness = cv2.LUT(mean, relative).reshape(before.shape)
         logarithm = np.log(light)
-        spreads = COLOR_SPREADS if colored and not fine else (SPREAD,)
-        return cls(part, noisiness, unsure, logarithm, visible, slopes, pixels, inner, spreads)
+        return cls(part, noisiness, unsure, logarithm, visible, slopes, pixels, inner)
 
     @functools.cached_property
     def length(self) -> float:

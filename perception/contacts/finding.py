@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -12,8 +13,11 @@ from perception.contacts.contact import Contact
 from perception.contacts.detection import find_candidates
 from perception.contacts.fitting import (
     APART,
+    COMPRESSED_SPREADS,
+    FINE_SPREADS,
     LEAST,
     MOST,
+    SPREAD,
     Circle,
     Circles,
     Fit,
@@ -62,8 +66,8 @@ def find_contacts(
         sight: how it shows the pad (`perception.places.find_sight`).
         lamps: that light the pad; none where the light is even.
         response: of the camera, as `perception.Lens` has it.
-        fine: whether the colors of the image are those of each pixel (`has_fine_colors`), which
-            those of compressed pictures are not.
+        fine: whether the frame from which the pad was unwarped has colors that no compression has
+            made coarser (`has_fine_colors`).
 
     Returns:
         What is surely pressed in, and wholly on the pad. What cannot be seen is not claimed: where
@@ -91,7 +95,8 @@ def find_contacts(
         []
     """
     lamps = lamps if any(lamps) else []
-    change = Change.of(picture, reference, sight, response, colored=bool(lamps), fine=fine)
+    change = Change.of(picture, reference, sight, response, colored=bool(lamps))
+    spreads = (FINE_SPREADS if fine else COMPRESSED_SPREADS) if lamps else (SPREAD,)
     if change.is_misplaced():
         return []
     found: list[Fit] = []
@@ -101,11 +106,11 @@ def find_contacts(
             continue
         if any(_distance(circle, one.circle) < one.circle[2] + APART for one in found):
             continue
-        own = _fit_best(change, circle, _circles(found), lamps)
+        own = _fit_best(change, circle, _circles(found), lamps, spreads[0])
         if own is not None and is_contact(own):
             found = _without_parts([*found, own])
     # The first fit was about what the candidate was like, without what was found later.
-    found = [_fit_again(change, one, found, lamps) for one in found]
+    found = [_fit_again(change, one, found, lamps, spreads) for one in found]
     whole = [one for one in _without_parts(found) if _is_within(one.circle, change)]
     contacts = [_contact(one, view, change) for one in whole]
     return [one for one in contacts if one.deviations[2] < KNOWN * one.diameter]
@@ -119,9 +124,10 @@ def is_contact(own: Fit) -> bool:
     return clear and bool(np.all((size > LEAST[2:4]) & (size < MOST[2:4])))
 
 
-def _fit_best(change: Change, circle: Circle, others: Circles, lamps: Lamps) -> Fit | None:
+def _fit_best(
+    change: Change, circle: Circle, others: Circles, lamps: Lamps, spread: float
+) -> Fit | None:
     """The fit from the best of several sizes."""
-    spread = change.spreads[0]
     starts = (start_at(circle * [1, 1, factor]) for factor in SIZES)
     fits = (fit(change, start, others, lamps, spread, steps=0) for start in starts)
     best = max((one for one in fits if one), key=lambda one: one.explained, default=None)
@@ -131,10 +137,12 @@ def _fit_best(change: Change, circle: Circle, others: Circles, lamps: Lamps) -> 
     return fit(change, best.parameters, others, lamps, spread)
 
 
-def _fit_again(change: Change, one: Fit, found: list[Fit], lamps: Lamps) -> Fit:
-    """With all others known, and whatever the spread of what is seen is."""
+def _fit_again(
+    change: Change, one: Fit, found: list[Fit], lamps: Lamps, spreads: Sequence[float]
+) -> Fit:
+    """The mean of the fits of all spreads that are contacts; the first fit if none is."""
     others = _circles([other for other in found if other is not one])
-    fits = (fit(change, one.parameters, others, lamps, each) for each in change.spreads)
+    fits = (fit(change, one.parameters, others, lamps, each) for each in spreads)
     sure = [own for own in fits if own is not None and is_contact(own)]
     return mean_of(sure) if sure else one
 

@@ -47,6 +47,17 @@ FEWEST = 30
 FLOOR = 0.005
 """The model of the light is no better than that, part of the light."""
 
+SPREAD, FINE_SPREADS, COMPRESSED_SPREADS = 1.5, (1.5, 3.0), (3.0, 6.0)
+"""Pixels: a pixel and the lens spread brightness as much as a square with such a side does; and
+colors, the least and the most.
+
+Cameras have one color for each pixel and interpolate the others (Bayer): colors are spread by a
+variance of 0.5 pixels² more, twelve times which a square has squared. So are those of compressed
+pictures, whose chroma has half the resolution (0.57, JPEG, 4:2:0); where it changes by less than 20
+codes its fine part is dropped, too (quality 90), and edges are twice as wide. Which of both it is
+is unknown: where compression has dropped nothing, diameters come out up to two pixels too small.
+"""
+
 CAUCHY = 2.385
 """Deviations at which a sample counts half: 95 % as good for normal noise (P. Holland, R. Welsch,
 Commun. Stat. A 6 (1977) 813)."""
@@ -149,7 +160,7 @@ def fit(
         start: parameters near which it is.
         others: contacts near it, which are left out.
         lamps: that light the pad.
-        spread: of what is seen, pixels.
+        spread: side of the square over which it is seen, pixels.
         steps: at most; without any only the light is fitted.
     """
     point = np.clip(start, LEAST, MOST)

@@ -23,7 +23,7 @@ COLUMNS, ROWS = 80, 3
 DARK, BRIGHT = 30, 240
 """Codes between which a place of the reference counts; in an image it may be half as dark."""
 
-LEAST = 50
+LEAST = 12
 """Places of a color without which nothing is concluded from it."""
 
 AGREEMENT = 0.08
@@ -131,7 +131,7 @@ def _shrunk(image: UInt8[np.ndarray, "rows columns 3"]) -> Float[np.ndarray, "3 
     rows, columns = image.shape[:2]
     step = max(columns // COLUMNS, 1)
     size = (columns // step, max(rows // step, 1))
-    # All rows would take longer than what is made of them.
+    # Averaging all rows would take most of the time.
     small = cv2.resize(image[:: max(step // ROWS, 1)], size, interpolation=cv2.INTER_AREA)
     return small.reshape(-1, 3).T.astype(np.float32)
 

@@ -43,6 +43,15 @@ def test_an_end_behind_which_light_has_other_colors_is_found(strip, end):
     assert quad.apart.tolist() == [end == 0, end == 1]
 
 
+def test_colors_count_at_the_other_end_of_what_a_lamp_lies_across():
+    picture = pictured(0.9, 0)
+    (left, top), (right, _) = EYE.places(PAD.corners())[1:3].astype(int)
+    picture[top - 12 : top, left - 40 : right + 40] = 100, 100, 255
+    picture = cv2.GaussianBlur(picture, (0, 0), 0.6)
+    lit = [quad for quad in detect_quads(picture, LENS) if quad.before_lamp]
+    assert [quad.apart.tolist() for quad in lit] == [[True, False]]
+
+
 @pytest.mark.parametrize("fading", [0.0, 0.6])
 @pytest.mark.parametrize("height", [8, 11, 12, 13, 16, 60])
 def test_where_all_colors_end_at_a_pad_no_end_is_apart(height, fading):
@@ -67,7 +76,7 @@ def test_what_is_across_a_part_of_an_end_is_no_color_of_it():
     left, top = EYE.places(PAD.corners())[1].astype(int)
     picture[top : top + 8, left : left + 35, 0] = 20
     assert not find_colors_apart(picture, LENS, rays_of(PAD.corners())).any()
-    picture[top : top + 8, left : left + 100, 0] = 20
+    picture[top : top + 8, left : left + 70, 0] = 20
     assert find_colors_apart(picture, LENS, rays_of(PAD.corners())).tolist() == [False, True]
 
 

@@ -194,18 +194,35 @@ def test_a_view_flatter_than_its_pads_limit_is_flat(pad, path):
     ("share", "short", "quality"),
     [(1, 0.98, "COMPLETE"), (0.5, 0.98, "CLIPPED"), (0.5, 1, "COMPLETE"), (0, 1, "CLIPPED")],
 )
-@pytest.mark.parametrize("lamp", [False, True])
-def test_where_a_part_may_be_hidden_a_view_must_be_as_long_as_its_pad(share, short, quality, lamp):
+def test_where_a_part_may_be_hidden_a_view_must_be_as_long_as_its_pad(share, short, quality):
     """2 % of the length: within the errors where all is seen, too much where it may not be."""
     corners = corners_in(BOTH)[0]
     cut = corners.copy()
     cut[[1, 2]] += (1 - short) * (corners[[0, 3]] - corners[[1, 2]])
     known = changed(0, unhidden=np.full(len(ANGLES), float(share)))
-    quad = quad_of(cut, deviation=0.1)
-    if lamp:
-        quad = dataclasses.replace(quad, quality=Quality.CLIPPED, before_lamp=True)
+    view = found_in(match_views([quad_of(cut, deviation=0.1)], known, LENS), *VIEWS[0])
+    assert view.quality is Quality[quality]
+
+
+@pytest.mark.parametrize(
+    ("share", "short", "limit", "quality"),
+    [(1, 1, 0, "COMPLETE"), (1, 0.98, 0, "CLIPPED"), (0, 1, 0, "CLIPPED"), (1, 1, 1.5, "FLAT")],
+)
+def test_what_a_lamp_lies_across_must_be_as_long_as_its_pad(share, short, limit, quality):
+    """Whatever is seen of the pad by the catalogue: the lamp may not be in it."""
+    corners = corners_in(BOTH)[0]
+    cut = corners.copy()
+    cut[[1, 2]] += (1 - short) * (corners[[0, 3]] - corners[[1, 2]])
+    known = changed(0, unhidden=np.full(len(ANGLES), float(share)))
+    known = dataclasses.replace(known, grazing=known.grazing | {VIEWS[0][0]: limit})
+    quad = dataclasses.replace(quad_of(cut), quality=Quality.CLIPPED, before_lamp=True)
     view = found_in(match_views([quad], known, LENS), *VIEWS[0])
     assert view.quality is Quality[quality]
+    assert view.ends == (quality == "COMPLETE",) * 2 or quality == "CLIPPED"
+    # What is no line is not all of it, but may have its other end.
+    rough = dataclasses.replace(quad, scatter=9.0)
+    view = found_in(match_views([rough], known, LENS), *VIEWS[0])
+    assert view.quality is Quality.CLIPPED
 
 
 @pytest.mark.parametrize("lost", [*((view,) for view in VIEWS), VIEWS, VIEWS[:1] + VIEWS[-1:]])

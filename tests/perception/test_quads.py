@@ -300,6 +300,22 @@ def test_where_light_does_not_rise_to_another_view_there_is_no_seam(end):
     assert follow_quads(gray, LENS, [WIDE.places(pad.corners())], beside=end) == [None]
 
 
+def test_each_is_followed_in_the_light_that_is_its_own():
+    lights = [light_of(PADS[name]) for name in ("before", "near")]
+    first, second = (stored(light, 2.0).astype(np.float32) for light in lights)
+    corners = [WIDE.places(PADS[name].corners()) for name in ("before", "near")]
+    crossed = corners[0][::-1]
+    together = follow_quads([first, first, second], LENS, [corners[0], crossed, corners[1]])
+    alone = [follow_quads(first, LENS, corners[:1])[0], follow_quads(second, LENS, corners[1:])[0]]
+    assert together[1] is None
+    for one, other in zip((together[0], together[2]), alone, strict=True):
+        assert one is not None
+        assert other is not None
+        np.testing.assert_array_equal(one.corners, other.corners)
+    with pytest.raises(ValueError, match="shorter"):
+        follow_quads([first], LENS, corners)
+
+
 def test_quadrilaterals_together_are_those_of_each_by_itself():
     """A pad, a part of it that is followed to the same edges, a line that is none, and a blotch."""
     light = cv2.GaussianBlur(drawn(WIDE, [PADS["before"]]), (0, 0), 0.8)

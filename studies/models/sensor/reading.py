@@ -141,6 +141,7 @@ class Reader:
         """The pads that the frame of a reading shows whole, by name."""
         near = np.where(np.isnan(reading.angles), reading.sighting.angles, reading.angles)
         places = self.finger.find_places(reading.sighting, near)
+        fine = self.sensor.light is not None and has_fine_colors(image)
         pads = {}
         for pad in self.pads:
             view = self.finger.best_view(reading.sighting, pad)
@@ -151,7 +152,7 @@ class Reader:
                 complete = reading.sighting.complete()
                 views += [one for one in complete if one.pad == pad and one is not view]
             own = [places[pad, one.path] for one in views]
-            pads[pad] = self._read_pad(image, views, own, near)
+            pads[pad] = self._read_pad(image, views, own, near, fine=fine)
         return pads
 
     def _read_pad(
@@ -160,6 +161,8 @@ class Reader:
         views: list[View],
         places: list[PlacesOf],
         angles: Float[np.ndarray, " joints"],
+        *,
+        fine: bool,
     ) -> PadReading:
         """A pad by its complete views, the best one first."""
         finger, light = self.finger, self.sensor.light
@@ -172,7 +175,6 @@ class Reader:
         if light is not None:
             size = finger.catalog.lengths[views[0].pad], finger.width
             lamps, response = light.lamps(*size), finger.lens.response
-            fine = any(lamps) and has_fine_colors(image)
             for view, places_of, picture, reference in zip(
                 views, places, pictures, references, strict=True
             ):

@@ -162,7 +162,7 @@ def add_finger(
     where = {"finger": finger.number, "light": finger.light, "layers": finger.layers}
     for frame in range(spec.references, len(seen)):
         by_view: dict[tuple[str, str], tuple[Seen, list[Contact]]] = {}
-        truth = finger.captures[frame].contacts
+        truth, fine = finger.captures[frame].contacts, has_fine_colors(pictures[frame])
         # What is nearest in its pose is most alike.
         order = np.argsort(
             np.linalg.norm(finger.poses[: spec.references] - finger.poses[frame], axis=1)
@@ -173,7 +173,6 @@ def add_finger(
             if reference is None:
                 continue
             lamps = lamps_of(finger, one.view.pad)
-            fine = has_fine_colors(pictures[frame])
             with one_thread():
                 start = time.perf_counter()
                 found = find_contacts(

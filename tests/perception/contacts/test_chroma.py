@@ -7,15 +7,14 @@ import pytest
 from designopt import UserError
 from perception.contacts import has_fine_colors
 
-RNG = np.random.default_rng(0)
-
 
 def scene(noise: float) -> np.ndarray:
-    """Slanted colored stripes and spots, red, green and blue, as a camera has them."""
+    """Slanted colored stripes."""
+    generator = np.random.default_rng(0)
     rows, columns = np.mgrid[:240, :320]
     waves = [np.sin(columns / a + rows / b) for a, b in ((17, 40), (23, -31), (9, 60))]
     image = 110 + 50 * np.sign(np.stack(waves, axis=-1))
-    image = cv2.GaussianBlur(image, (0, 0), 0.7) + RNG.normal(0, noise, image.shape)
+    image = cv2.GaussianBlur(image, (0, 0), 0.7) + generator.normal(0, noise, image.shape)
     return np.rint(np.clip(image, 0, 255)).astype(np.uint8)
 
 
@@ -30,9 +29,17 @@ def stored(image: np.ndarray, quality: int, sampling: int) -> np.ndarray:
 @pytest.mark.parametrize("shift", [0, 1])
 @pytest.mark.parametrize("dimmed", [1.0, 0.15])
 @pytest.mark.parametrize("noise", [0.0, 2.0])
-def test_images_as_cameras_have_them_are_fine(noise, dimmed, shift):
+def test_images_of_three_colors_a_pixel_are_fine(noise, dimmed, shift):
     image = (dimmed * scene(noise)).astype(np.uint8)
     assert has_fine_colors(np.ascontiguousarray(image[:, shift:]))
+
+
+@pytest.mark.parametrize("code", [cv2.COLOR_BayerRGGB2RGB, cv2.COLOR_BayerRGGB2RGB_EA])
+def test_images_of_one_color_a_pixel_are_fine(code):
+    image = scene(2.0)
+    bayer = image[..., 1].copy()
+    bayer[::2, ::2], bayer[1::2, 1::2] = image[::2, ::2, 0], image[1::2, 1::2, 2]
+    assert has_fine_colors(cv2.cvtColor(bayer, code))
 
 
 @pytest.mark.parametrize("shift", [0, 1])
@@ -59,6 +66,7 @@ def test_pictures_of_a_video_are_not(tmp_path):
 def test_where_no_color_changes_none_is_missing():
     assert has_fine_colors(np.full((8, 8, 3), 90, np.uint8))
     assert has_fine_colors(np.zeros((2, 3, 3), np.uint8))
+    assert has_fine_colors(scene(0.0)[:8, :6])
 
 
 @pytest.mark.parametrize("image", [np.zeros((8, 8), np.uint8), np.zeros((8, 8, 3)), "no image"])

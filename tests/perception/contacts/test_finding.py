@@ -11,8 +11,15 @@ import pytest
 
 from designopt import UserError
 from perception.contacts import find_contacts
-from perception.contacts.change import COLOR_SPREADS, SPREAD, Change
-from perception.contacts.fitting import Fit, fit, mean_of, start_at
+from perception.contacts.change import Change
+from perception.contacts.fitting import (
+    COMPRESSED_SPREADS,
+    SPREAD,
+    Fit,
+    fit,
+    mean_of,
+    start_at,
+)
 from perception.places import Sight, find_sight
 from perception.unwarping import PER_MM
 from tests.perception.contacts.shaded import (
@@ -135,22 +142,62 @@ def test_hues_of_blocks_are_no_contacts():
     assert find_contacts(picture, flat, view(), sight(), []) == []
 
 
-def test_compressed_pictures_spread_colors_as_is_reckoned_with():
-    """A column that is redder, and no brighter, at every place of a block."""
-    luma = np.array([0.299, 0.587, 0.114])  # ITU-R BT.601
-    redder = np.array([60, -60 * luma[0] / luma[1], 0])
+REDDER = np.array([1.0, -0.299 / 0.587, 0])
+"""A change of color that is none of brightness (ITU-R BT.601)."""
+
+
+def red_of(picture, quality):
+    """A picture's red as JPEG has it, the mean of rows away from its border."""
+    pixels = np.rint(picture[..., ::-1]).astype(np.uint8)
+    _, file = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    stored = cv2.imdecode(file, cv2.IMREAD_COLOR)
+    assert stored is not None
+    return stored[16:48, :, 2].mean(axis=0)
+
+
+def test_half_of_the_columns_spread_colors_as_is_reckoned_with():
+    """A column that is redder, at every place of a block."""
     around, red = np.arange(-12, 13), np.zeros(25)
     for column in range(64, 80):
         picture = np.full((64, 144, 3), 128.0)
-        picture[:, column] += redder
-        pixels = np.rint(picture[..., ::-1]).astype(np.uint8)
-        _, file = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, 98])
-        stored = cv2.imdecode(file, cv2.IMREAD_COLOR)
-        assert stored is not None
-        red += stored[16:48, column + around, 2].mean(axis=0) - 128
+        picture[:, column] += 60 * REDDER
+        red += red_of(picture, 98)[column + around] - 128
     share = red / red.sum()
     variance = share @ (around - share @ around) ** 2
-    assert math.sqrt(SPREAD**2 + 12 * variance) == pytest.approx(COLOR_SPREADS[0], abs=0.05)
+    assert math.sqrt(SPREAD**2 + 12 * variance) == pytest.approx(COMPRESSED_SPREADS[0], abs=0.05)
+
+
+def test_steps_of_few_codes_are_twice_as_wide():
+    """By their quartiles: what is dropped of them has ripples far away."""
+    generator = np.random.default_rng(0)
+    around, red = np.arange(-20, 21), np.zeros(41)
+    for column in list(range(80, 96)) * 4:
+        picture = np.full((64, 192, 3), 40.0)
+        picture[:, column:] += 10 * REDDER
+        picture = cv2.GaussianBlur(picture, (0, 0), 0.6) + generator.normal(0, 1.5, picture.shape)
+        red += red_of(picture, 90)[column + around]
+    rising = np.cumsum(np.diff(red)) / (red[-1] - red[0])
+    first, last = np.interp([0.16, 0.84], rising, around[1:])
+    deviation = (last - first) / 2
+    assert math.sqrt(12) * deviation == pytest.approx(COMPRESSED_SPREADS[1], abs=0.5)
+
+
+def test_what_is_not_known_of_the_spread_of_colors_is_a_deviation():
+    """Of a picture with two samples a pixel, which is not compressed."""
+    bump, generator, above = Bump(9.0, 2.0, 3.0, 0.8), np.random.default_rng(0), sight()
+    pictures = []
+    for bumps in ([bump], []):
+        light = cv2.resize(light_of(bumps, True), (120, 120), interpolation=cv2.INTER_AREA)
+        coarse = picture_of(light, generator, noise=0.005)
+        pictures.append(cv2.resize(coarse, (240, 240), interpolation=cv2.INTER_LINEAR))
+    above = Sight(above.slopes, 2 * above.pixels)
+    [fine], [compressed] = (
+        find_contacts(*pictures, view(), above, lamps(), fine=fine) for fine in (True, False)
+    )
+    assert fine.diameter == pytest.approx(bump.diameter, abs=0.1)
+    off = bump.diameter - compressed.diameter
+    assert 0.2 < off < 2 * compressed.deviations[2]
+    assert compressed.deviations[2] > 1.5 * fine.deviations[2]
 
 
 def test_fits_that_are_as_likely_are_averaged_as_a_mixture_of_normals():
@@ -175,7 +222,7 @@ def test_what_lies_in_the_shadow_of_another_contact_is_not_fitted():
     pressed, flat = (
         picture_of(light_of(own, True), generator) for own in ([Bump(12.0, -5.0, 3.0, 0.6)], [])
     )
-    change = Change.of(pressed, flat, sight(), None, colored=True, fine=True)
+    change = Change.of(pressed, flat, sight(), None, colored=True)
     start = start_at(np.array([12.0, -5.0, 1.5]))
     lit = [lamps()[0], None, None]
     assert fit(change, start, np.zeros((0, 3)), lit, SPREAD) is not None
@@ -202,7 +249,8 @@ def test_nothing_is_claimed_where_nothing_is(lit, jpeg):
             picture_of(one, generator, gamma=gamma, jpeg=jpeg) for one in (1.05 * moved, flat)
         )
         own = lamps() if lit else []
-        found = find_contacts(picture, reference, view(), sight(), own, response(gamma))
+        fine = jpeg is None
+        found = find_contacts(picture, reference, view(), sight(), own, response(gamma), fine=fine)
         claimed += len(found)
     assert claimed == 0
 
@@ -250,7 +298,7 @@ def test_flat_views_and_dark_ones_claim_nothing():
 )
 def test_pictures_of_other_kinds_are_refused(picture, reference, message):
     with pytest.raises(UserError, match=message):
-        Change.of(picture, reference, sight(), None, colored=True, fine=True)
+        Change.of(picture, reference, sight(), None, colored=True)
 
 
 def test_pictures_of_two_sizes_are_refused():

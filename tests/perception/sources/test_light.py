@@ -53,6 +53,14 @@ def test_ratios_are_those_of_the_camera(gains: tuple[float, ...]) -> None:
     assert light.blue == pytest.approx(gains[2] / gains[1], rel=0.02)
 
 
+def test_of_large_images_not_all_rows_are_needed() -> None:
+    before, after = (
+        image_of(REFERENCE, gains, seed).repeat(4, axis=0).repeat(4, axis=1)
+        for seed, gains in enumerate((1.0, 1.15))
+    )
+    np.testing.assert_allclose(LightWatch(before).look(after).gains, 1.15, rtol=0.01)
+
+
 def test_ratios_while_the_finger_moves_and_is_touched() -> None:
     watch = LightWatch(image_of(REFERENCE))
     for number, turn in enumerate(np.linspace(0.2, 1.5, 6)):
