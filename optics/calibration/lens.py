@@ -123,9 +123,9 @@ class LensFit:
 def calibrate_lens(sightings: Sightings, size: tuple[int, int], name: str = "camera") -> LensFit:
     """The lens that shows a plane board where it is seen.
 
-    The pupil moves if that lowers the mean squared error at held-out corners by more than its
-    standard error over pictures (the rule of L. Breiman et al., *Classification and
-    Regression Trees*, 1984, §3.4.3).
+    The pupil moves if that lowers the mean of squared errors at held-out corners, or that of their
+    logarithms, by more than its standard error over pictures (the rule of L. Breiman et al.,
+    *Classification and Regression Trees*, 1984, §3.4.3).
 
     Args:
         sightings: of the board; stated deviations count against each other only, for their scale
@@ -308,11 +308,15 @@ def _held_out(shown: Sightings, bundle: Bundle, prior: Prior, noise: float) -> H
 
 
 def _simplest(held_out: dict[PupilModel, HeldOut]) -> PupilModel:
-    """The fixed pupil, unless its mean squared error is a standard error above the moving one's."""
+    """The fixed pupil, unless its squared errors are a standard error above the moving one's.
+
+    Or their logarithms are, by which a picture far outside of the others counts no more than these.
+    """
     fixed, moving = (held_out[model].squares for model in PupilModel)
-    worse = fixed - moving
-    error = float(np.std(worse)) / math.sqrt(len(worse))
-    return PupilModel.MOVING if float(np.mean(worse)) > error else PupilModel.FIXED
+    for worse in (fixed - moving, np.log(fixed) - np.log(moving)):
+        if float(np.mean(worse)) > float(np.std(worse)) / math.sqrt(len(worse)):
+            return PupilModel.MOVING
+    return PupilModel.FIXED
 
 
 def _with_fixed_pupil(prior: Prior) -> Prior:

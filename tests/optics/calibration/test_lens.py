@@ -8,7 +8,7 @@ import pytest
 from designopt import UserError
 from optics.calibration import PupilModel
 from optics.calibration.bundle import lens_of, parameters_of
-from optics.calibration.lens import calibrate_lens
+from optics.calibration.lens import HeldOut, _simplest, calibrate_lens
 from tests.optics.calibration.pictures import LENS, NOISE, POINTS, TRUTH, boards, sightings
 
 
@@ -70,6 +70,25 @@ def test_the_pupil_is_fixed_where_nothing_shows_that_it_moves():
     assert found.pupil is PupilModel.FIXED
     assert parameters_of(found.calibrated.lens)[-2:].tolist() == [0.0, 0.0]
     assert found.calibrated.deviations[-2:].tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("fixed", "moving", "pupil"),
+    [
+        # One picture that the others have nothing near, as a path tracer's lens had it.
+        ([0.272, 0.051, 0.067, 0.061, 0.029, 0.045, 0.046, 0.047],
+         [0.364, 0.049, 0.066, 0.060, 0.024, 0.041, 0.043, 0.032], PupilModel.MOVING),
+        # One alone that shows it, and well.
+        ([0.05, 0.05, 0.05, 0.4], [0.051, 0.05, 0.05, 0.05], PupilModel.MOVING),
+        ([0.05, 0.06, 0.04, 0.05], [0.051, 0.059, 0.041, 0.049], PupilModel.FIXED),
+    ],
+)  # fmt: skip
+def test_the_pupil_moves_if_pictures_show_it(fixed, moving, pupil):
+    held_out = {
+        model: HeldOut(0.05, np.square(errors))
+        for model, errors in zip(PupilModel, (fixed, moving), strict=True)
+    }
+    assert _simplest(held_out) is pupil
 
 
 def test_pictures_that_show_too_little_are_left_out(fit):
