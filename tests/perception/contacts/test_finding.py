@@ -190,9 +190,10 @@ def test_what_is_not_known_of_the_spread_of_colors_is_a_deviation():
         light = cv2.resize(light_of(bumps, True), (120, 120), interpolation=cv2.INTER_AREA)
         coarse = picture_of(light, generator, noise=0.005)
         pictures.append(cv2.resize(coarse, (240, 240), interpolation=cv2.INTER_LINEAR))
+    pressed, flat = pictures
     above = Sight(above.slopes, 2 * above.pixels)
     [fine], [compressed] = (
-        find_contacts(*pictures, view(), above, lamps(), fine=fine) for fine in (True, False)
+        find_contacts(pressed, flat, view(), above, lamps(), fine=fine) for fine in (True, False)
     )
     assert fine.diameter == pytest.approx(bump.diameter, abs=0.1)
     off = bump.diameter - compressed.diameter
