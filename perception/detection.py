@@ -114,7 +114,7 @@ class _Light(NamedTuple):
         """The quadrilaterals whose corners are expected at given places, as `follow_quads`."""
         if self.green is None:
             return follow_quads(self.brightest, lens, expected, self.lamps, beside)
-        # In both colors at once: of a few it takes hardly longer than in one.
+        # A round of a few views in two colors takes hardly longer than in one.
         count = len(expected)
         every = [self.green] * count + [self.brightest] * count
         quads = follow_quads(every, lens, [*expected, *expected], self.lamps, beside)

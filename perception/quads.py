@@ -292,7 +292,7 @@ def _settled(
             latest = fits
         for every, part in zip(latest, fits, strict=True):
             every[asked] = part
-        # A blotch, hardly there on any side, gets no further round.
+        # No further round for a blotch, which is hardly there on any side.
         going = fits.is_outline & (fits.contrast.max(axis=1) >= LEAST_CONTRAST)
         asked, corners = asked[going], fits.corners[going]
         if not left or not asked.size:
