@@ -53,14 +53,15 @@ class Solution(eqx.Module, Generic[Value]):
     def _texts(self) -> tuple[list[str], np.ndarray, np.ndarray]:
         """The different messages, which of them each element has, and how many have each."""
         enumeration = self.result._enumeration
-        # As JAX arrays: of a NumPy code, an item would be no array, and have no message.
+        # In NumPy, as each operation of JAX outside of a program takes as long as all of this.
         shape = self.margin.shape
-        flat = jax.tree.map(lambda code: jnp.broadcast_to(code, shape).reshape(-1), self.result)
+        flat = jax.tree.map(lambda code: np.broadcast_to(code, shape).reshape(-1), self.result)
         codes = np.asarray(jax.tree.leaves(flat)[0])
         _, first, which, counts = np.unique(
             codes, return_index=True, return_inverse=True, return_counts=True
         )
-        texts = [enumeration[jax.tree.map(lambda code, i=i: code[i], flat)] for i in first.tolist()]
+        # Of a number that is no array, an item has no message.
+        texts = [enumeration[jax.tree.map(lambda code, i=i: code[i, ...], flat)] for i in first]
         return texts, which, counts
 
 

@@ -34,9 +34,9 @@ APART = 2.0
 
 
 def find_colors_apart(
-    picture: UInt8[np.ndarray, "rows columns 3"], lens: Lens, rays: Float[np.ndarray, "4 2"]
-) -> Bool[np.ndarray, "2"]:
-    """At which of a view's ends, the lower and the upper, some color ends more than 2 px away.
+    picture: UInt8[np.ndarray, "rows columns 3"], lens: Lens, rays: Float[np.ndarray, "views 4 2"]
+) -> Bool[np.ndarray, "views 2"]:
+    """At which of each view's ends, the lower and the upper, some color ends more than 2 px away.
 
     It does so if the median of all of the end shows that, or those of two of its thirds, of
     whatever color. Of a view that is less than 12 px long nothing is known.
@@ -44,7 +44,7 @@ def find_colors_apart(
     Args:
         picture: red, green and blue.
         lens: of the camera.
-        rays: of the view's corners, in the order of `perception.quads.Quad`.
+        rays: of the views' corners, in the order of `perception.quads.Quad`.
 
     Example:
         >>> rows, columns = np.mgrid[:90, :120]
@@ -56,36 +56,46 @@ def find_colors_apart(
         >>> picture[20:70, 30:90] = 200
         >>> picture[64:70, 30:90, 0] = 40  # behind the lower end it is not red
         >>> corners = np.array([[30.0, 69.5], [30.0, 19.5], [89.0, 19.5], [89.0, 69.5]])
-        >>> find_colors_apart(picture, lens, lens.rays(corners)).tolist()
-        [True, False]
+        >>> find_colors_apart(picture, lens, lens.rays(corners)[None]).tolist()
+        [[True, False]]
     """
-    plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
-    flat = plane.flat(rays)
-    left, right = (flat[list(corners), None] for corners in zip(*ENDS, strict=True))
-    places = lens.project(plane.rays((left + ACROSS * (right - left)).reshape(-1, 2)))
-    places = places.reshape(2, PLACES, 2)
-    beyond = places - places[::-1]
-    inward = int(min(INWARD, np.hypot(beyond[0, :, 0], beyond[0, :, 1]).min() / 2))
-    if inward < FEWEST:
-        return np.zeros(2, bool)
-    across = places[:, -1] - places[:, 0]
-    normals = np.stack([-across[:, 1], across[:, 0]], axis=-1)
-    normals /= np.copysign(np.hypot(*across.T), np.sum(beyond.sum(axis=1) * normals, axis=1))[
-        :, None
-    ]
+    angle = (rays[..., 0].min(axis=1) + rays[..., 0].max(axis=1)) / 2
+    turned, plane = rays.copy(), TangentPlane(0.0)
+    turned[..., 0] -= angle[:, None]
+    flat = plane.flat(turned.reshape(-1, 2)).reshape(-1, 4, 2)
+    left, right = (flat[:, list(corners), None] for corners in zip(*ENDS, strict=True))
+    across = plane.rays((left + ACROSS * (right - left)).reshape(-1, 2))
+    across[:, 0] += np.repeat(angle, 2 * PLACES)
+    places = lens.project(across).reshape(-1, 2, PLACES, 2)
+    way = places[:, 0] - places[:, 1]
+    inward = np.minimum(np.hypot(way[..., 0], way[..., 1]).min(axis=1) / 2, INWARD).astype(int)
+    apart = np.zeros((len(rays), 2), bool)
+    for length in np.unique(inward[inward >= FEWEST]).tolist():
+        apart[inward == length] = _apart_over(length, picture, places[inward == length])
+    return apart
+
+
+def _apart_over(
+    inward: int,
+    picture: UInt8[np.ndarray, "rows columns 3"],
+    places: Float[np.ndarray, "views 2 places 2"],
+) -> Bool[np.ndarray, "views 2"]:
+    """The same of views whose light is looked at over so many pixels from places along the ends."""
+    beyond, across = places - places[:, ::-1], places[:, :, -1] - places[:, :, 0]
+    normals = np.stack([-across[..., 1], across[..., 0]], axis=-1)
+    outward = np.sum(beyond.sum(axis=2) * normals, axis=-1)
+    normals /= np.copysign(np.hypot(across[..., 0], across[..., 1]), outward)[..., None]
     along = np.arange(-inward, OUTWARD + 1)
-    light = sampled(
-        picture,
-        (places[:, :, None] + along[:, None] * normals[:, None, None]).reshape(-1, len(along), 2),
-    )
+    sections = places[..., None, :] + along[:, None] * normals[:, :, None, None]
+    light = sampled(picture, sections.reshape(-1, len(along), 2))
     # By end, color and part of the end, of which the last is all of it, along the normal.
-    light = light.reshape(2, PARTS, -1, len(along), 3).transpose(0, 4, 1, 3, 2)
+    light = light.reshape(-1, PARTS, PLACES // PARTS, len(along), 3).transpose(0, 4, 1, 3, 2)
     whole = np.concatenate(np.split(light, PARTS, axis=2), axis=-1)
     profiles = np.concatenate([median(light), median(whole)], axis=2)
     inside = median(profiles[..., : inward // 3])
     outside = profiles[..., inward + 1 :].min(axis=-1)
     below = profiles < (inside + outside)[..., None] / 2
     first_below = along[np.argmax(below, axis=-1)] - 0.5
-    apart = (np.abs(first_below) > APART) & (inside - outside >= CONTRAST)
-    *parts, all_of_it = np.moveaxis(apart.any(axis=1), 1, 0)
-    return all_of_it | (np.count_nonzero(parts, axis=0) > PARTS / 2)
+    ends = (np.abs(first_below) > APART) & (inside - outside >= CONTRAST)
+    *parts, all_of_it = np.moveaxis(ends.any(axis=1), 1, 0)
+    return (all_of_it | (np.count_nonzero(parts, axis=0) > PARTS / 2)).reshape(-1, 2)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from jaxtyping import Float
 
@@ -85,10 +86,10 @@ class _Light(NamedTuple):
             UserError: it is no image of the lens, but of another size or type.
         """
         picture = checked_image(image, channels=(1, 3), like=("what the lens images", lens.shape))
-        gray = brightness(picture) if picture.ndim == 3 else picture
-        green = None
+        gray, green = picture, None
         if picture.ndim == 3:
-            green = lens.light(np.ascontiguousarray(picture[..., CHANNEL]))
+            channels = cv2.split(picture)
+            gray, green = brightness(channels), lens.light(channels[CHANNEL])
         lamps = lamp_mask(picture, gray)
         return cls(picture, gray, lens.light(gray), green, lamps if lamps.any() else None)
 
@@ -105,7 +106,7 @@ class _Light(NamedTuple):
             others = fit_quads(self.brightest, lens, [contours[i] for i in doubtful], self.lamps)
             for i, other in zip(doubtful, others, strict=True):
                 found[i] = _clearer(found[i], other)
-        quads = [self.colored(quad, lens) for quad in found if quad is not None]
+        quads = [quad for quad in self.colored(found, lens) if quad is not None]
         return sorted(quads, key=lambda quad: float(quad.corners[:, 1].mean()))
 
     def follow(
@@ -118,14 +119,18 @@ class _Light(NamedTuple):
         count = len(expected)
         every = [self.green] * count + [self.brightest] * count
         quads = follow_quads(every, lens, [*expected, *expected], self.lamps, beside)
-        found = map(_clearer, quads[:count], quads[count:])
-        return [None if quad is None else self.colored(quad, lens) for quad in found]
+        return self.colored(map(_clearer, quads[:count], quads[count:]), lens)
 
-    def colored(self, quad: Quad, lens: Lens) -> Quad:
-        """A quadrilateral, and whether some color ends elsewhere than at its ends."""
-        if self.green is None or not _has_sides(quad):
-            return quad
-        return replace(quad, apart=find_colors_apart(self.picture, lens, quad.rays))
+    def colored(self, quads: Iterable[Quad | None], lens: Lens) -> Fits:
+        """Quadrilaterals, and whether some color ends elsewhere than at their ends."""
+        every = list(quads)
+        asked = [i for i, one in enumerate(every) if one is not None and _has_sides(one)]
+        if self.green is None or not asked:
+            return every
+        rays = np.stack([every[i].rays for i in asked])
+        for i, apart in zip(asked, find_colors_apart(self.picture, lens, rays), strict=True):
+            every[i] = replace(every[i], apart=apart)
+        return every
 
 
 def _has_sides(quad: Quad) -> bool:

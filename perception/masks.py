@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 from jaxtyping import UInt8
@@ -26,12 +28,12 @@ Mask = UInt8[np.ndarray, "rows columns"]
 """255 where it holds, else 0."""
 
 
-def brightness(image: Image) -> Gray:
-    """The brightest channel of every pixel.
+def brightness(channels: Sequence[Gray]) -> Gray:
+    """The brightest of red, green and blue in every pixel.
 
     Not the usual grey, which weights blue with 0.11 and so loses the side that is lit blue.
     """
-    red, green, blue = cv2.split(image)
+    red, green, blue = channels
     return cv2.max(cv2.max(red, green), blue)
 
 

@@ -44,7 +44,7 @@ class PaperRoute:
         Raises:
             UserError: it is something else.
         """
-        gray: Gray = brightness(checked_image(image))
+        gray: Gray = brightness(cv2.split(checked_image(image)))
         mask = cleaned(combined_mask(gray, self.threshold, self.block, self.share), self.size)
         contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)[0]
         found = []

@@ -143,10 +143,9 @@ def fit_quads(
     contours: Sequence[Int[np.ndarray, "_ 2"]],
     lamps: Mask | None = None,
 ) -> list[Quad | None]:
-    """As `fit_quad`, of several contours at once, which takes half of the time."""
+    """As `fit_quad`, of several contours at once, which takes half of the time, without its check."""
     starts: list[_Start | None] = []
     for contour in contours:
-        checked_brightness(gray, lens.shape, contour)
         rays = lens.pixel_rays(contour)
         plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
         corners = first_corners(plane.flat(rays))
@@ -186,8 +185,9 @@ def follow_quads(
     """
     starts: list[_Start | None] = []
     limits = np.array(lens.shape[::-1]) - 1
-    every = [gray] * len(expected) if isinstance(gray, np.ndarray) else gray
-    for corners, own in zip(expected, every, strict=True):
+    if not isinstance(gray, np.ndarray):
+        gray = [own for _, own in zip(expected, gray, strict=True)]
+    for corners in expected:
         rays = lens.rays(corners)
         plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
         flat = plane.flat(rays)
@@ -195,7 +195,6 @@ def follow_quads(
             starts.append(None)
             continue
         outline = np.clip(np.round(corners).astype(int), 0, limits)
-        checked_brightness(own, lens.shape, outline)
         starts.append(_Start(plane.angle, flat, outline))
     return _settled(gray, lens, starts, lamps, beside)
 

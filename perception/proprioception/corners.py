@@ -205,7 +205,7 @@ def find_pose(
     limits, usual = (chi_squared_limits(8 * len(model.views), p) for p in (significance, USUAL))
     start = np.where(np.isfinite(guess), guess, np.mean(model.limits))
     errors = FingerErrors.of(model) if errors is None else errors
-    return _solve(model, *jax.tree.map(jnp.asarray, (seen, start, errors, limits, usual)))
+    return _solve(model, seen, start, errors, limits, usual)
 
 
 @eqx.filter_jit

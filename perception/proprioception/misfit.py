@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -66,6 +68,7 @@ def find_misfit(
     return Misfit(squares, free, jnp.where(free > 0, jnp.sqrt(squares / some), 0.0), tail)
 
 
+@functools.cache
 def chi_squared_limits(data: int, significance: float) -> Float[np.ndarray, " counts"]:
     """The χ² that is exceeded with a probability, for 0 to ``data`` degrees of freedom.
 
@@ -74,5 +77,7 @@ def chi_squared_limits(data: int, significance: float) -> Float[np.ndarray, " co
     """
     if not 0 < significance < 1:
         raise ValueError(f"a level of significance lies between 0 and 1, not at {significance:g}")
-    limits = scipy.stats.chi2.isf(significance, np.arange(1, data + 1))
-    return np.concatenate([[np.inf], limits])
+    limits = scipy.stats.chi2.isf(significance, np.arange(data + 1))
+    limits[0] = np.inf
+    limits.flags.writeable = False  # as they are computed once
+    return limits

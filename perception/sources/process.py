@@ -21,6 +21,10 @@ from perception.sources import decoder
 PIPE = 1 << 20
 """Bytes that wait between the processes; an image has some millions."""
 
+KEPT = 64 << 20
+"""Bytes that glibc's allocator keeps: else it returns every image's memory to the system, which
+takes longer to be had again than a JPEG to be decoded."""
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -59,6 +63,7 @@ class DecoderProcess:
             "OPENCV_IO_MAX_IMAGE_PIXELS": str(decoder.MOST_PIXELS),
             "OPENCV_LOG_LEVEL": "SILENT",
             "OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT": str(round(decoder.SILENCE)),
+            "MALLOC_TOP_PAD_": str(KEPT),
         }
         if task == "video":  # a playlist with a video's name must not open what it lists
             surroundings["OPENCV_FFMPEG_CAPTURE_OPTIONS"] = "protocol_whitelist;file"

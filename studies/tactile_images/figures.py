@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import partial
 
+import cv2
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -147,7 +148,7 @@ def draw_views(finger: FingerSensor, shots: Sequence[Shot]) -> Figure:
 def draw_masks(shots: Sequence[Shot], ours: str, paper: str) -> Figure:
     """The paper's masks, and both kinds of corners at one corner of a pad."""
     (image, sighting), route = shots[1], PaperRoute()
-    gray = brightness(image.pixels)
+    gray = brightness(cv2.split(image.pixels))
     masks = {
         "brightness": gray,
         "global": global_mask(gray, route.threshold),

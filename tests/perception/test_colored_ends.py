@@ -68,18 +68,18 @@ def test_where_all_colors_end_at_a_pad_no_end_is_apart(height, fading):
     low, high = 200 + height - 0.5, 199.5
     corners = np.array([[149.5, low], [149.5, high], [299.5, high], [299.5, low]])
     lens = Eye(pinhole=True).lens()
-    assert not find_colors_apart(picture, lens, lens.rays(corners)).any()
+    assert not find_colors_apart(picture, lens, lens.rays(corners)[None]).any()
 
 
 def test_what_is_across_a_part_of_an_end_is_no_color_of_it():
     picture = pictured(0.0, 0)
     left, top = EYE.places(PAD.corners())[1].astype(int)
     picture[top : top + 8, left : left + 35, 0] = 20
-    assert not find_colors_apart(picture, LENS, rays_of(PAD.corners())).any()
+    assert not find_colors_apart(picture, LENS, rays_of(PAD.corners())[None]).any()
     picture[top : top + 8, left : left + 70, 0] = 20
-    assert find_colors_apart(picture, LENS, rays_of(PAD.corners())).tolist() == [False, True]
+    assert find_colors_apart(picture, LENS, rays_of(PAD.corners())[None]).tolist() == [[False, True]]
     picture[top : top + 8, left : left + 100, 0] = 20
-    assert find_colors_apart(picture, LENS, rays_of(PAD.corners())).tolist() == [False, True]
+    assert find_colors_apart(picture, LENS, rays_of(PAD.corners())[None]).tolist() == [[False, True]]
 
 
 @pytest.mark.parametrize(("step", "seen"), [(8, False), (25, True)])
@@ -89,7 +89,7 @@ def test_a_color_without_a_step_ends_nowhere(step, seen):
     red = picture[..., 0].astype(float)
     picture[..., 0] = 20 + (red - red.min()) * step / np.ptp(red)
     picture[..., 2] = picture[..., 1]
-    assert find_colors_apart(picture, LENS, quad.rays)[1] == seen
+    assert find_colors_apart(picture, LENS, quad.rays[None])[0, 1] == seen
 
 
 @pytest.mark.parametrize(("strip", "apart"), [(45.0, True), (5.0, False)])
@@ -103,4 +103,4 @@ def test_between_two_lamps_either_side_shows_where_the_end_is(strip, apart):
     corners = np.array([[149.5, low], [149.5, 199.5], [299.5, 199.5], [299.5, low]])
     lens = Eye(pinhole=True).lens()
     picture = stored(cv2.GaussianBlur(picture, (0, 0), 0.8), noise=2.0)
-    assert find_colors_apart(picture, lens, lens.rays(corners)).tolist() == [apart, False]
+    assert find_colors_apart(picture, lens, lens.rays(corners)[None]).tolist() == [[apart, False]]

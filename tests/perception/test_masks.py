@@ -30,7 +30,7 @@ def two_pads(gap: int, dark: int = 40) -> np.ndarray:
 
 def test_brightness_is_the_brightest_channel():
     image = np.random.default_rng(1).integers(0, 256, (20, 30, 3), np.uint8)
-    np.testing.assert_array_equal(brightness(image), image.max(axis=-1))
+    np.testing.assert_array_equal(brightness(cv2.split(image)), image.max(axis=-1))
 
 
 @pytest.mark.parametrize("threshold", [0, 99, 99.5, 254])
