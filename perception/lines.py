@@ -26,10 +26,8 @@ deviations of their mean."""
 UNKNOWN = 1.0
 """Variance of a side that was not found, in the tangent plane: it may be anywhere."""
 
-ITSELF = np.eye(POINTS, dtype=bool)
-
-RUNS = SHARES - SHARES[:, None] + ITSELF
-"""From each place of a side to the others; 1 to itself."""
+RUNS = (SHARES - SHARES[:, None] + np.diag(np.full(POINTS, np.nan))).astype(np.float32)
+"""From each place of a side to the others; to itself there is none."""
 
 
 BySide = Float[np.ndarray, " sides"]
@@ -172,6 +170,10 @@ def _repeated_medians(
 
     A line added to all of the edges is added to the result, however bad the edges are.
     """
-    turns = (offsets[:, None, :] - offsets[..., None]) / RUNS
-    turn = medians.of(Medians(found[:, None, :] & ~ITSELF).of(turns))
+    # NaN sorts behind all numbers; in single precision, as a line only begins here.
+    there = np.where(found, offsets, np.nan).astype(np.float32)
+    ordered = np.sort((there[:, None, :] - there[..., None]) / RUNS, axis=-1)
+    sides, others = np.arange(len(found)), np.maximum(found.sum(axis=1) - 1, 0)
+    middle = ordered[sides, :, np.maximum(others - 1, 0) // 2] + ordered[sides, :, others // 2]
+    turn = medians.of(np.where(others[:, None] > 0, middle.astype(float) / 2, 0.0))
     return medians.of(offsets - turn[:, None] * SHARES), turn
