@@ -149,6 +149,11 @@ def _levels(gray: Gray) -> list[float]:
     lowest = middle + SPREAD * max(deviation, 1.0)
     if lowest >= 250:
         return []
+    return _levels_from(lowest)
+
+
+@functools.cache
+def _levels_from(lowest: float) -> list[float]:
     # Thresholds between the same two values part an image alike.
     return np.unique(np.floor(np.geomspace(lowest, 250.0, LEVELS))).tolist()
 

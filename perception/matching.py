@@ -301,11 +301,11 @@ def match_views(
         view = None
         if i in assigned:
             quad = search.mended(i, best[i], quads[assigned[i]])
-            view = _found(search, i, best[i], quad, shift)
+            view = _found(family, best[i], quad, shift, lens)
         if expected and (view is None or view.quality not in FOUND):
             other = search.complete(i, best[i], _expected(family, best[i], shift))
             if other is not None:
-                view = _found(search, i, best[i], other, shift)
+                view = _found(family, best[i], other, shift, lens)
         if view is not None and i in assigned and family.joint in twice:
             view = replace(view, quality=Quality.AMBIGUOUS, ends=(False, False))
         if view is not None or expected:
@@ -417,12 +417,12 @@ class _Search(NamedTuple):
         return max(sure, key=likelihood, default=None)
 
     def mended(self, index: int, value: int, quad: Quad) -> Quad:
-        """A view that runs into something bright, looked for again where its pad would end."""
+        """A view, judged; one that runs into something bright, looked for where its pad would end."""
         catalog, lens = self.catalog, self.lens
         judged = self.judged(index, value, quad)
         cut = judged.quality in (Quality.FLAT, Quality.CLIPPED)
         if quad.quality is not Quality.COMPLETE or cut:
-            return quad
+            return judged
         beside = _beside(catalog.families, index, value, quad, lens)
         if judged is quad and beside is None:
             return quad
@@ -443,7 +443,7 @@ class _Search(NamedTuple):
             if self.judged(index, value, one).quality is Quality.MERGED:
                 again = (shortened(one, catalog.width, extent, lens, kept) for kept in range(2))
                 found += self.at([other.corners for other in again])
-        return self.likeliest(index, value, found) or quad
+        return self.likeliest(index, value, found) or judged
 
     def length(self, quad: Quad) -> float:
         """A pad's length as a view shows it, mm."""
@@ -463,7 +463,7 @@ class _Search(NamedTuple):
             if Quality.COMPLETE in judged:
                 continue
             quad = self.mended(index, 0, near[0]) if near else None
-            if quad is None or quad is near[0]:
+            if quad is None or quad.quality is not Quality.COMPLETE:
                 reach = AGREEING * float(family.spread[0].max())
                 quad = self.about(index, reach)
                 clear = [one.contrast for one in near if one.quality is Quality.COMPLETE]
@@ -557,15 +557,10 @@ def _seen_twice(
 
 
 def _found(
-    search: _Search,
-    index: int,
-    value: int,
-    quad: Quad,
-    shift: Float[np.ndarray, "2"],
+    family: ViewFamily, value: int, quad: Quad, shift: Float[np.ndarray, "2"], lens: Lens
 ) -> View:
-    family, lens = search.catalog.families[index], search.lens
+    """The view that a quadrilateral is, which was judged."""
     order = [0, 1, 2, 3] if _first_is_lower(family.corners[value]) else [1, 0, 3, 2]
-    quad = search.judged(index, value, quad)
     ends = np.asarray(family.ends[_around(value)].all(axis=0))
     if quad.quality is Quality.CLIPPED:
         off = quad.corners[order] - shift - family.corners[value]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -93,6 +94,8 @@ def see(
     # Loaded here, so that listing the commands loads neither JAX nor OpenCV.
     with deferred() as is_interrupted:
         keep_programs()
+        # XLA's threads: a frame's programs are small, and processes of ours have the other cores.
+        os.environ.setdefault("NPROC", "1")
         from studies.commands.seen import Asked, see_source
     if is_interrupted():
         raise KeyboardInterrupt

@@ -77,9 +77,13 @@ def test_what_is_across_a_part_of_an_end_is_no_color_of_it():
     picture[top : top + 8, left : left + 35, 0] = 20
     assert not find_colors_apart(picture, LENS, rays_of(PAD.corners())[None]).any()
     picture[top : top + 8, left : left + 70, 0] = 20
-    assert find_colors_apart(picture, LENS, rays_of(PAD.corners())[None]).tolist() == [[False, True]]
+    assert find_colors_apart(picture, LENS, rays_of(PAD.corners())[None]).tolist() == [
+        [False, True]
+    ]
     picture[top : top + 8, left : left + 100, 0] = 20
-    assert find_colors_apart(picture, LENS, rays_of(PAD.corners())[None]).tolist() == [[False, True]]
+    assert find_colors_apart(picture, LENS, rays_of(PAD.corners())[None]).tolist() == [
+        [False, True]
+    ]
 
 
 @pytest.mark.parametrize(("step", "seen"), [(8, False), (25, True)])
