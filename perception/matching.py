@@ -417,7 +417,7 @@ class _Search(NamedTuple):
         return max(sure, key=likelihood, default=None)
 
     def mended(self, index: int, value: int, quad: Quad) -> Quad:
-        """A view, judged; one that runs into something bright, looked for where its pad would end."""
+        """A view, judged; if it runs into something bright, looked for where its pad would end."""
         catalog, lens = self.catalog, self.lens
         judged = self.judged(index, value, quad)
         cut = judged.quality in (Quality.FLAT, Quality.CLIPPED)

@@ -27,7 +27,7 @@ NEAR, STEPS = 1e-3, 128
 """Relative tolerance of the pose that is refined then, and a cap on iterations of the search for
 it: with many corners that count less it converges linearly only."""
 
-REFINED, SETTLED, STILL = 32, 1e-6, 0.01
+REFINED, SETTLED, STILL = 32, 1e-4, 0.01
 """Cap on steps with the covariance of all that may move corners: where all corners fit a few are
 enough, where many count less it takes tens. No more are needed after one below `SETTLED`; a pose
 whose last step is not below `STILL` is no solution (both in standard deviations of the angles)."""

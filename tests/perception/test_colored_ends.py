@@ -72,18 +72,14 @@ def test_where_all_colors_end_at_a_pad_no_end_is_apart(height, fading):
 
 
 def test_what_is_across_a_part_of_an_end_is_no_color_of_it():
-    picture = pictured(0.0, 0)
+    picture, rays = pictured(0.0, 0), rays_of(PAD.corners())[None]
     left, top = EYE.places(PAD.corners())[1].astype(int)
     picture[top : top + 8, left : left + 35, 0] = 20
-    assert not find_colors_apart(picture, LENS, rays_of(PAD.corners())[None]).any()
+    assert not find_colors_apart(picture, LENS, rays).any()
     picture[top : top + 8, left : left + 70, 0] = 20
-    assert find_colors_apart(picture, LENS, rays_of(PAD.corners())[None]).tolist() == [
-        [False, True]
-    ]
+    assert find_colors_apart(picture, LENS, rays).tolist() == [[False, True]]
     picture[top : top + 8, left : left + 100, 0] = 20
-    assert find_colors_apart(picture, LENS, rays_of(PAD.corners())[None]).tolist() == [
-        [False, True]
-    ]
+    assert find_colors_apart(picture, LENS, rays).tolist() == [[False, True]]
 
 
 @pytest.mark.parametrize(("step", "seen"), [(8, False), (25, True)])
