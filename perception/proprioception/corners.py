@@ -205,7 +205,8 @@ def find_pose(
     limits, usual = (chi_squared_limits(8 * len(model.views), p) for p in (significance, USUAL))
     start = np.where(np.isfinite(guess), guess, np.mean(model.limits))
     errors = FingerErrors.of(model) if errors is None else errors
-    return _solve(model, seen, start, errors, limits, usual)
+    # By NumPy: JAX would move each by a program of its own, which takes longer.
+    return _solve(model, *jax.tree.map(np.asarray, (seen, start, errors, limits, usual)))
 
 
 @eqx.filter_jit

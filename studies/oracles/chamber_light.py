@@ -12,14 +12,12 @@ Axes: x to the right in the image, y down, z along the lens. Lengths in mm, angl
 from __future__ import annotations
 
 import functools
-import hashlib
 import importlib
 import json
 import math
 import os
-import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -28,6 +26,7 @@ from typing import Any
 import numpy as np
 
 from studies.oracles.judge import engine
+from studies.oracles.keeping import kept_arrays
 
 COLORS = ((0.75, 0.12, 0.10), (0.10, 0.22, 0.75), (0.85, 0.70, 0.10), (0.18, 0.18, 0.18))
 """Red, green and blue reflected by the red, blue and yellow walls and by the top."""
@@ -260,16 +259,10 @@ def _sample(mi: Any, scene: Any, integrator: Any, vectors: np.ndarray, seed: int
 def trace_once(frame: Frame, folder: Path) -> np.ndarray:
     """`trace`, or what it found of the same frame before, kept in a folder as float16."""
     asked = json.dumps(asdict(frame), sort_keys=True).encode()
-    path = folder / f"{hashlib.sha256(_sources() + asked).hexdigest()}.npz"
-    # There may be none, or not what was written.
-    with suppress(OSError, ValueError, KeyError), np.load(path) as kept:
-        return kept["light"].astype(np.float32)
-    light = trace(frame)
-    scaled = light.astype(np.float16)
-    with tempfile.NamedTemporaryFile(dir=folder, suffix=".npz", delete=False) as file:
-        np.savez_compressed(file, light=scaled)
-    os.replace(file.name, path)
-    return scaled.astype(np.float32)
+    kept = kept_arrays(
+        folder, _sources() + asked, lambda: {"light": trace(frame).astype(np.float16)}
+    )
+    return kept["light"].astype(np.float32)
 
 
 @functools.cache

@@ -18,6 +18,9 @@ class LensCheckSpec(Spec):
     further: int = setting(
         2, "pictures of each lens that its calibration does not get", scales=True, ge=1, le=100
     )
+    cache: str = setting(
+        "", "folder that keeps corners of pictures (empty: the user's cache folder)", free=True
+    )
 
     @model_validator(mode="after")
     def _has_pictures(self) -> LensCheckSpec:

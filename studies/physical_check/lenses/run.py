@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import functools
+import json
 import time
 from collections.abc import Iterator
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+import perception.boards
 from designopt import Context, Records, Report, Results, UserError
 from designopt.compilation_cache import forget_programs_if_many
 from designopt.study import plots
+from designopt.user_folders import cache_folder
 from optics.calibration import LensFit, Sightings, locate_boards
 from optics.calibration.bundle import lens_of, parameters_of
 from optics.calibration.lens import calibrate_lens
@@ -22,7 +27,9 @@ from perception.boards import Board, detect_board
 from studies.models.board_sightings import sightings_of
 from studies.models.path_tracer import require_mitsuba
 from studies.oracles.judge import boards as judge
+from studies.oracles.judge.frames import sources as judge_sources
 from studies.oracles.judge.wide_lens import WideLens
+from studies.oracles.keeping import kept_arrays
 from studies.physical_check.lenses import LensCheckSpec
 from studies.physical_check.lenses.baseline import calibrate_with_opencv
 
@@ -31,6 +38,9 @@ BOARDS: tuple[tuple[Board, Literal["charuco", "tags"], str], ...] = (
     (Board(kind="apriltag", columns=9, rows=7, square=6.5), "tags", "DICT_APRILTAG_36h11"),
 )
 """Boards of one lens after the other, and what the judge and OpenCV call their kind and markers."""
+
+FOLDER = "physical-check-lenses"
+"""In the user's cache folder: what is kept."""
 
 
 def run(spec: LensCheckSpec, context: Context) -> Results:
@@ -41,11 +51,12 @@ def run(spec: LensCheckSpec, context: Context) -> Results:
     """
     context.require_float64("physical-check-lenses compares to a hundredth of a pixel")
     require_mitsuba("physical-check-lenses")
+    folder = cache_folder(spec.cache, FOLDER)
     out = Report(spec, package=__package__)
     sets, corners, errors = Records(), Records(), Records()
     for number in range(spec.sets):
         with context.step(f"Lens {number + 1}"):
-            _add_set(spec, context.seed, number, sets, corners, errors)
+            _add_set(pictured(spec, context.seed, number, folder), sets, corners, errors)
             forget_programs_if_many()
     add_metrics(out, sets, corners, errors)
     add_findings(out, sets)
@@ -54,29 +65,81 @@ def run(spec: LensCheckSpec, context: Context) -> Results:
     return out.results()
 
 
-def _add_set(
-    spec: LensCheckSpec, seed: int, number: int, sets: Records, corners: Records, errors: Records
-) -> None:
-    """Photograph a board with a random lens, calibrate it, add what is found."""
+class Pictured(NamedTuple):
+    """A lens, and what is found in its pictures of a board.
+
+    Attributes:
+        number: of the lens.
+        lens: it.
+        board: before it.
+        given: pictures that its calibration gets; further ones follow.
+        seen: the corners that are found.
+        truth: where all corners are.
+        seconds: that finding them took.
+    """
+
+    number: int
+    lens: WideLens
+    board: Board
+    given: int
+    seen: Sightings
+    truth: Float[np.ndarray, "pictures points 2"]
+    seconds: Float[np.ndarray, " pictures"]
+
+
+def pictured(spec: LensCheckSpec, seed: int, number: int, folder: Path) -> Pictured:
+    """Photograph a board with a random lens, and find its corners, or take what is kept of that.
+
+    A run that was stopped goes on; what another judge or detector has made is made again.
+
+    Args:
+        spec: of the study.
+        seed: of lenses, poses and conditions.
+        number: of the lens.
+        folder: where corners are kept.
+    """
     generator = np.random.default_rng([seed, number])
     lens = judge.random_lens(generator)
     board, kind, markers = BOARDS[number % len(BOARDS)]
-    made = judge.Board(kind, board.columns, board.rows, board.square, board.marker_side, markers)
     count = int(generator.integers(spec.fewest, spec.most + 1))
-    seen, true, seconds = [], [], []
-    for picture in range(count + spec.further):
-        pose = judge.random_pose(generator, lens, made)
-        conditions = judge.random_conditions(generator)
-        taken = judge.photograph_board(lens, made, pose, conditions, picture)
-        begin = time.perf_counter()
-        seen.append(detect_board(taken.pixels, board))
-        seconds.append(time.perf_counter() - begin)
-        true.append(taken.places)
-    places, truth = np.asarray(sightings_of(board, seen).places), np.array(true)
-    off = np.linalg.norm(places - truth, axis=-1)
+    made = judge.Board(kind, board.columns, board.rows, board.square, board.marker_side, markers)
+
+    def found() -> dict[str, Any]:
+        corners, true, seconds = [], [], []
+        for picture in range(count + spec.further):
+            pose = judge.random_pose(generator, lens, made)
+            conditions = judge.random_conditions(generator)
+            taken = judge.photograph_board(lens, made, pose, conditions, picture)
+            begin = time.perf_counter()
+            corners.append(detect_board(taken.pixels, board))
+            seconds.append(time.perf_counter() - begin)
+            true.append(taken.places)
+        seen = sightings_of(board, corners)
+        arrays = {"places": seen.places, "deviations": seen.deviations}
+        return arrays | {"truth": true, "seconds": seconds}
+
+    asked = json.dumps([seed, number, count, spec.further])
+    kept = kept_arrays(folder, _sources() + asked.encode(), found)
+    points = np.broadcast_to(board.points, kept["places"].shape)
+    seen = Sightings(*map(jnp.asarray, (points, kept["places"], kept["deviations"])))
+    return Pictured(number, lens, board, count, seen, kept["truth"], kept["seconds"])
+
+
+@functools.cache
+def _sources() -> bytes:
+    """What photographs boards and finds their corners, as it is in files."""
+    detector = Path(perception.boards.__file__).parent.glob("*.py")
+    return judge_sources() + b"".join(path.read_bytes() for path in sorted(detector))
+
+
+def _add_set(made: Pictured, sets: Records, corners: Records, errors: Records) -> None:
+    """Calibrate a lens by its pictures, add what is found."""
+    number, lens, board, count, seen, truth, seconds = made
+    off = np.linalg.norm(np.asarray(seen.places) - truth, axis=-1)
     where = {"lens": number, "board": board.kind, "field_deg": 2 * np.degrees(lens.largest)}
     imaged = int(np.isfinite(truth[..., 0]).sum())
-    given, further = sightings_of(board, seen[:count]), sightings_of(board, seen[count:])
+    given, further = (jax.tree.map(lambda one, part=part: one[part], seen)
+                      for part in (slice(count), slice(count, None)))  # fmt: skip
     begin = time.perf_counter()
     fit = failure = None
     try:
@@ -84,7 +147,7 @@ def _add_set(
     except UserError as error:
         failure = str(error)
     took = time.perf_counter() - begin
-    opencv = calibrate_with_opencv(board.points, places[:count], lens.size)
+    opencv = calibrate_with_opencv(board.points, np.asarray(given.places), lens.size)
     judged = [] if fit is None else _further(fit, further, truth[count:])
     sets.add(
         **where,
