@@ -80,7 +80,13 @@ def _apart_over(
     picture: UInt8[np.ndarray, "rows columns 3"],
     places: Float[np.ndarray, "views 2 places 2"],
 ) -> Bool[np.ndarray, "views 2"]:
-    """The same of views whose light is looked at over so many pixels from places along the ends."""
+    """As `find_colors_apart`, by the places along the ends of views.
+
+    Args:
+        inward: so many pixels light is looked at from each place.
+        picture: red, green and blue.
+        places: along the lower and the upper end of each view.
+    """
     beyond, across = places - places[:, ::-1], places[:, :, -1] - places[:, :, 0]
     normals = np.stack([-across[..., 1], across[..., 0]], axis=-1)
     outward = np.sum(beyond.sum(axis=2) * normals, axis=-1)

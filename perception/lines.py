@@ -168,9 +168,10 @@ def _repeated_medians(
 ) -> tuple[BySide, BySide]:
     """Offset and turn of every side: of each place the median turn to the others, of these again.
 
-    A line added to all of the edges is added to the result, however bad the edges are.
+    A line added to all of the edges is added to the result, however bad the edges are, but for
+    rounding to single precision, as a line only begins here.
     """
-    # NaN sorts behind all numbers; in single precision, as a line only begins here.
+    # NaN sorts behind all numbers.
     there = np.where(found, offsets, np.nan).astype(np.float32)
     ordered = np.sort((there[:, None, :] - there[..., None]) / RUNS, axis=-1)
     sides, others = np.arange(len(found)), np.maximum(found.sum(axis=1) - 1, 0)

@@ -425,7 +425,7 @@ class _Search(NamedTuple):
             return judged
         beside = _beside(catalog.families, index, value, quad, lens)
         if judged is quad and beside is None:
-            return quad
+            return judged
         extent = catalog.families[index].extent[value]
         starts = [shortened(quad, catalog.width, extent, lens, kept).corners for kept in range(2)]
         if beside is not None:
@@ -434,7 +434,7 @@ class _Search(NamedTuple):
             if at_seam is not None and self.length(at_seam) < self.length(quad):
                 return at_seam
         if judged is quad:
-            return quad
+            return judged
         # At both ends it may have run into something: at both at once, and one after the other.
         found = self.at([*starts, (starts[0] + starts[1]) / 2])
         for one in found[:2]:

@@ -202,7 +202,8 @@ def find_pose(
         >>> bool(found.ok[0]), round(float(found.value.angles[0]), 4)
         (True, 0.4)
     """
-    limits, usual = (chi_squared_limits(8 * len(model.views), p) for p in (significance, USUAL))
+    data, levels = 8 * len(model.views), (float(significance), USUAL)
+    limits, usual = (chi_squared_limits(data, level) for level in levels)
     start = np.where(np.isfinite(guess), guess, np.mean(model.limits))
     errors = FingerErrors.of(model) if errors is None else errors
     # By NumPy: JAX would move each by a program of its own, which takes longer.

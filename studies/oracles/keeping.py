@@ -5,16 +5,12 @@ from __future__ import annotations
 import hashlib
 import os
 import tempfile
-import zipfile
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-DAMAGED = OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile
-"""There is no file, or it is not what was written."""
 
 
 def kept_arrays(
@@ -28,7 +24,8 @@ def kept_arrays(
         make: what computes them.
     """
     path = folder / f"{hashlib.sha256(key).hexdigest()}.npz"
-    with suppress(*DAMAGED), path.open("rb") as file, np.load(file) as kept:
+    # There may be none, or not what was written: that fails in many ways (zlib, zipfile, NumPy).
+    with suppress(Exception), path.open("rb") as file, np.load(file) as kept:
         return dict(kept)
     made: dict[str, Any] = {name: np.asarray(array) for name, array in make().items()}
     with tempfile.NamedTemporaryFile(dir=folder, suffix=".npz", delete=False) as file:

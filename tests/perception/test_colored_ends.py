@@ -104,3 +104,22 @@ def test_between_two_lamps_either_side_shows_where_the_end_is(strip, apart):
     lens = Eye(pinhole=True).lens()
     picture = stored(cv2.GaussianBlur(picture, (0, 0), 0.8), noise=2.0)
     assert find_colors_apart(picture, lens, lens.rays(corners)[None]).tolist() == [[apart, False]]
+
+
+def test_of_several_views_each_is_looked_at_by_itself():
+    """Two long ones, one of them without blue at an end, one of 16 px, and one too thin for any."""
+    picture = np.full((EYE.rows, EYE.columns, 3), 5.0)
+    corners = []
+    for column, height in ((40, 60), (150, 60), (260, 16), (370, 10)):
+        picture[200 : 200 + height, column : column + 90] = LIT
+        low, right = 200 + height - 0.5, column + 89.5
+        left, high = column - 0.5, 199.5
+        corners.append([[left, low], [left, high], [right, high], [right, low]])
+    picture[252:260, 40:130, 2] = picture[200:205, 260:350, 2] = picture[204:210, 370:460, 2] = 5
+    picture = stored(cv2.GaussianBlur(picture, (0, 0), 0.8), noise=1.0)
+    lens = Eye(pinhole=True).lens()
+    rays = np.array([lens.rays(np.array(one)) for one in corners])
+    together = find_colors_apart(picture, lens, rays)
+    assert together.tolist() == [[True, False], [False, False], [False, True], [False, False]]
+    for one, apart in zip(rays, together, strict=True):
+        np.testing.assert_array_equal(find_colors_apart(picture, lens, one[None]), apart[None])

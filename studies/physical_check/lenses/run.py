@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+import cv2
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -24,6 +25,7 @@ from optics.calibration.bundle import lens_of, parameters_of
 from optics.calibration.lens import calibrate_lens
 from optics.calibration.starts import LEAST_POINTS
 from perception.boards import Board, detect_board
+from studies.models import board_sightings
 from studies.models.board_sightings import sightings_of
 from studies.models.path_tracer import require_mitsuba
 from studies.oracles.judge import boards as judge
@@ -75,7 +77,7 @@ class Pictured(NamedTuple):
         given: pictures that its calibration gets; further ones follow.
         seen: the corners that are found.
         truth: where all corners are.
-        seconds: that finding them took.
+        seconds: that finding them took, when they were found.
     """
 
     number: int
@@ -104,7 +106,7 @@ def pictured(spec: LensCheckSpec, seed: int, number: int, folder: Path) -> Pictu
     count = int(generator.integers(spec.fewest, spec.most + 1))
     made = judge.Board(kind, board.columns, board.rows, board.square, board.marker_side, markers)
 
-    def found() -> dict[str, Any]:
+    def detected() -> dict[str, Any]:
         corners, true, seconds = [], [], []
         for picture in range(count + spec.further):
             pose = judge.random_pose(generator, lens, made)
@@ -118,8 +120,8 @@ def pictured(spec: LensCheckSpec, seed: int, number: int, folder: Path) -> Pictu
         arrays = {"places": seen.places, "deviations": seen.deviations}
         return arrays | {"truth": true, "seconds": seconds}
 
-    asked = json.dumps([seed, number, count, spec.further])
-    kept = kept_arrays(folder, _sources() + asked.encode(), found)
+    asked = [seed, number, spec.fewest, spec.most, spec.further, *map(str, (board, kind, markers))]
+    kept = kept_arrays(folder, _sources() + json.dumps(asked).encode(), detected)
     points = np.broadcast_to(board.points, kept["places"].shape)
     seen = Sightings(*map(jnp.asarray, (points, kept["places"], kept["deviations"])))
     return Pictured(number, lens, board, count, seen, kept["truth"], kept["seconds"])
@@ -127,9 +129,11 @@ def pictured(spec: LensCheckSpec, seed: int, number: int, folder: Path) -> Pictu
 
 @functools.cache
 def _sources() -> bytes:
-    """What photographs boards and finds their corners, as it is in files."""
-    detector = Path(perception.boards.__file__).parent.glob("*.py")
-    return judge_sources() + b"".join(path.read_bytes() for path in sorted(detector))
+    """What photographs boards and finds their corners: its files, and OpenCV's version."""
+    detector = sorted(Path(perception.boards.__file__).parent.glob("*.py"))
+    files = [*detector, Path(board_sightings.__file__)]
+    own = b"".join(path.read_bytes() for path in files)
+    return judge_sources() + own + cv2.__version__.encode()
 
 
 def _add_set(made: Pictured, sets: Records, corners: Records, errors: Records) -> None:
