@@ -124,12 +124,13 @@ class _Light(NamedTuple):
     def colored(self, quads: Iterable[Quad | None], lens: Lens) -> Fits:
         """Quadrilaterals, and whether some color ends elsewhere than at their ends."""
         every = list(quads)
-        asked = [i for i, one in enumerate(every) if one is not None and _has_sides(one)]
+        asked = {i: one for i, one in enumerate(every) if one is not None and _has_sides(one)}
         if self.green is None or not asked:
             return every
-        rays = np.stack([every[i].rays for i in asked])
-        for i, apart in zip(asked, find_colors_apart(self.picture, lens, rays), strict=True):
-            every[i] = replace(every[i], apart=apart)
+        rays = np.stack([one.rays for one in asked.values()])
+        found = find_colors_apart(self.picture, lens, rays)
+        for (i, one), apart in zip(asked.items(), found, strict=True):
+            every[i] = replace(one, apart=apart)
         return every
 
 
