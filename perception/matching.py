@@ -410,7 +410,8 @@ class _Search(NamedTuple):
 
         def likelihood(quad: Quad) -> float:
             length, of_corners = measured_length(quad, self.catalog.width, self.lens)
-            deviation = math.hypot(of_corners, of_finger)
+            # Else corners that are known well would count against a view.
+            deviation = math.hypot(of_corners, of_finger, LENGTH_SHARE * wanted)
             return -(((length - wanted) / deviation) ** 2) / 2 - math.log(deviation)
 
         sure = (q for q in quads if q is not None and self.is_sure(index, value, q))

@@ -12,8 +12,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.lengths import measured_grazing
-from perception.matching import STRAIGHT, Sighting, View, ViewCatalog, ViewFamily, match_views
+from perception.lengths import measured_grazing, measured_length
+from perception.matching import (
+    STRAIGHT,
+    Sighting,
+    View,
+    ViewCatalog,
+    ViewFamily,
+    _Search,
+    match_views,
+)
 from perception.quads import Quad
 from perception.quality import Quality
 from tests.perception.drawn import Eye, Pad, quad_at
@@ -369,6 +377,20 @@ def test_of_views_from_several_starts_the_one_as_long_as_the_pad_counts():
 
     view = found_in(match_views([quad_of(corners)], KNOWN, LENS, follow), *VIEWS[ALONE])
     np.testing.assert_allclose(view.corners, pad, atol=1e-6)
+
+
+def test_corners_that_are_known_well_do_not_count_against_a_view():
+    """Its length is known to 0.1 %, and 0.25 % too short; the other is right, but known to 1 %."""
+    eye = Eye(2160, 2880, focal=772.0)
+
+    def still(share: float, deviation: float) -> Quad:
+        pad = Pad((20.0, -8.0), (20.0, share * LENGTHS["still"] - 8.0), WIDTH)
+        return quad_at(eye, eye.places(pad.corners()), deviation=deviation)
+
+    lens, sharp, faint = eye.lens(), still(0.9975, 0.1), still(1.0, 4.0)
+    known = [measured_length(quad, WIDTH, lens)[1] / LENGTHS["still"] for quad in (sharp, faint)]
+    assert known == pytest.approx([0.001, 0.01], rel=0.2)
+    assert _Search(KNOWN, lens, None).likeliest(ALONE, 0, [faint, sharp]) is sharp
 
 
 def test_sides_that_are_no_lines_are_none_of_a_pad():
