@@ -139,7 +139,7 @@ def _are_halves(one: Blob, other: Blob) -> bool:
     return bool(apart and alike and off < UNEVEN * (bottom - 1 - top))
 
 
-def _levels(gray: Gray) -> list[float]:
+def _levels(gray: Gray) -> tuple[float, ...]:
     """Thresholds from just above the background to full scale."""
     # Every fourth row shows the background as well as all of them do.
     counts = cv2.calcHist([gray[::4]], [0], None, [256], [0, 256]).ravel().astype(int)
@@ -148,14 +148,14 @@ def _levels(gray: Gray) -> list[float]:
     deviation = 1.4826 * _median(np.abs(values - middle), counts)
     lowest = middle + SPREAD * max(deviation, 1.0)
     if lowest >= 250:
-        return []
+        return ()
     return _levels_from(lowest)
 
 
 @functools.cache
-def _levels_from(lowest: float) -> list[float]:
-    # Thresholds between the same two values part an image alike.
-    return np.unique(np.floor(np.geomspace(lowest, 250.0, LEVELS))).tolist()
+def _levels_from(lowest: float) -> tuple[float, ...]:
+    """Thresholds in equal ratios: those between the same two values part an image alike."""
+    return tuple(np.unique(np.floor(np.geomspace(lowest, 250.0, LEVELS))).tolist())
 
 
 def _median(values: Int[np.ndarray, " bins"], counts: Int[np.ndarray, " bins"]) -> int:

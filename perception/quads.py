@@ -185,9 +185,8 @@ def follow_quads(
     """
     starts: list[_Start | None] = []
     limits = np.array(lens.shape[::-1]) - 1
-    if not isinstance(gray, np.ndarray) and len(gray) != len(expected):
-        raise ValueError(f"light of {len(gray)} views, of which {len(expected)} are expected")
-    for corners in expected:
+    every = [gray] * len(expected) if isinstance(gray, np.ndarray) else gray
+    for corners, _ in zip(expected, every, strict=True):
         rays = lens.rays(corners)
         plane = TangentPlane(float(rays[:, 0].min() + rays[:, 0].max()) / 2)
         flat = plane.flat(rays)
