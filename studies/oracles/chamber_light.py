@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from studies.oracles.judge import engine
-from studies.oracles.keeping import kept_arrays
+from studies.oracles.judge.keeping import kept_arrays
 
 COLORS = ((0.75, 0.12, 0.10), (0.10, 0.22, 0.75), (0.85, 0.70, 0.10), (0.18, 0.18, 0.18))
 """Red, green and blue reflected by the red, blue and yellow walls and by the top."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from studies.oracles.keeping import kept_arrays
+from studies.oracles.judge.keeping import kept_arrays
 
 
 class Counted:

@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import json
-import os
-import tempfile
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,6 +15,7 @@ from studies.oracles.judge.capture import Capture, expose
 from studies.oracles.judge.contacts import Contacts
 from studies.oracles.judge.fabrication import CHANNELS, Errors, fabricated, of_channel
 from studies.oracles.judge.frames import ASPECT, sources
+from studies.oracles.judge.keeping import kept_arrays
 from studies.oracles.judge.lens import Lens
 from studies.oracles.judge.light import COLORS, MembraneLight, light_membranes
 from studies.oracles.judge.solids import Pose, Tables, motion_of
@@ -74,26 +71,22 @@ def photograph(
         seed: of noise.
         folder: where pictures are kept, if they are.
     """
-    path = None
     if folder is not None:
-        asked = json.dumps(
-            [tables, errors, pose, dataclasses.asdict(capture), seed], sort_keys=True
-        )
-        path = folder / f"{hashlib.sha256(sources() + asked.encode()).hexdigest()}.npz"
-        missing = OSError, ValueError, TypeError, KeyError  # none, or not what was written
-        with suppress(*missing), np.load(path) as kept:
-            shown = [ViewTruth(*one) for one in json.loads(str(kept["shown"]))]
-            return Photograph(kept["pixels"], shown)
+
+        def taken() -> dict[str, object]:
+            photo = photograph(tables, errors, pose, capture, seed)
+            return {"pixels": photo.pixels, "shown": json.dumps(photo.shown)}
+
+        asked = [tables, errors, pose, dataclasses.asdict(capture), seed]
+        key = sources() + json.dumps(asked, sort_keys=True).encode()
+        kept = kept_arrays(folder, key, taken)
+        shown = [ViewTruth(*one) for one in json.loads(str(kept["shown"]))]
+        return Photograph(kept["pixels"], shown)
     made = dict(fabricated(tables, errors or {}))
     made["scene"] = made.get("scene", {}) | {"bounces": BOUNCES}
     light, distance = trace_light(made, pose, capture)
     pixels = expose(light, distance, capture, np.random.default_rng(seed))
-    photo = Photograph(pixels, find_view_truths(made, pose, capture))
-    if path is not None:
-        with tempfile.NamedTemporaryFile(dir=folder, delete=False, suffix=".npz") as file:
-            np.savez_compressed(file, pixels=pixels, shown=json.dumps(photo.shown))
-        os.replace(file.name, path)
-    return photo
+    return Photograph(pixels, find_view_truths(made, pose, capture))
 
 
 def lens_of(tables: Tables, pose: Pose) -> Lens:

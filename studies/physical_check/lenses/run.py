@@ -30,8 +30,8 @@ from studies.models.board_sightings import sightings_of
 from studies.models.path_tracer import require_mitsuba
 from studies.oracles.judge import boards as judge
 from studies.oracles.judge.frames import sources as judge_sources
+from studies.oracles.judge.keeping import kept_arrays
 from studies.oracles.judge.wide_lens import WideLens
-from studies.oracles.keeping import kept_arrays
 from studies.physical_check.lenses import LensCheckSpec
 from studies.physical_check.lenses.baseline import calibrate_with_opencv
 
