@@ -1,11 +1,15 @@
 """What the lens study keeps: corners as they were found, for what they were asked of."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 
+import perception.boards.detection
 from perception.boards import BoardCorners
+from studies.models import board_sightings
 from studies.physical_check.lenses import LensCheckSpec
 from studies.physical_check.lenses import run as lens_check
 
@@ -28,6 +32,7 @@ def taken(monkeypatch):
 
     monkeypatch.setattr(lens_check.judge, "photograph_board", photograph)
     monkeypatch.setattr(lens_check, "detect_board", detect)
+    monkeypatch.setattr(lens_check, "_sources", lambda: b"one")  # the true ones need Mitsuba
     return photographed
 
 
@@ -62,3 +67,12 @@ def test_corners_are_found_anew_when_the_detector_is_another(taken, tmp_path, mo
     monkeypatch.setattr(lens_check, "_sources", lambda: b"another")
     lens_check.pictured(SPEC, 3, 1, tmp_path)
     assert len(taken) == 10
+
+
+def test_what_is_kept_follows_from_judge_detector_and_versions():
+    mitsuba = pytest.importorskip("mitsuba")
+    made = lens_check._sources()
+    for module in (lens_check.judge, perception.boards.detection, board_sightings):
+        assert Path(module.__file__).read_bytes() in made
+    assert mitsuba.__version__.encode() in made
+    assert cv2.__version__.encode() in made
