@@ -39,6 +39,9 @@ BLOCK = 128
 """Rows that are factorised at once. OpenBLAS gives matrices of more than 8192 numbers to threads,
 for which those of XLA do not make room: on two cores it took a hundred times as long."""
 
+FIELD = np.linspace(0.1, 1.0, 10)
+"""Angles of the field at which image heights are looked at, over the widest at which a point is."""
+
 LOOSE = 1e3
 """Standard deviation of a pose before anything is seen, rad and mm: no information."""
 
@@ -92,9 +95,10 @@ class Bundle(NamedTuple):
         residuals: found minus seen places, px, used or not; 0 where there is none.
         covariance: of the lens's parameters, by the stated deviations.
         solved: whether the search ended at a minimum.
-        scatter: mean square of what pictures contradict each other by in the lens's parameters, in
-            units of what the stated deviations let expect: above 1, corners of one picture are off
-            together, or no lens of this kind is right.
+        scatter: mean square of what pictures contradict each other by, in the lens's parameters or
+            in its image heights, where it is more, in units of what the stated deviations let
+            expect: above 1, corners of one picture are off together, or no lens of this kind is
+            right.
     """
 
     lens: Fisheye
@@ -149,6 +153,13 @@ def turn(vector: Float[Array, "3"]) -> Float[Array, "3 3"]:
     zero = jnp.zeros_like(x)
     cross = jnp.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]])
     return jnp.eye(3) + first * cross + second * cross @ cross
+
+
+def board_points(
+    poses: Poses, points: Float[Array, "pictures most 2"]
+) -> Float[Array, "pictures most 3"]:
+    """Points of the board in the camera frame, mm."""
+    return jnp.einsum("pij,pnj->pni", poses.turns[..., :2], points) + poses.shifts[:, None]
 
 
 def place_errors(
@@ -242,13 +253,29 @@ def _adjusted(
     covariance = (fit.covariance * unit[None] * unit[:, None])[:own, :own]
     seen, triangles = every_picture(lens, pose)
     lower, slopes = seen[:, POSE:-1], triangles[:, POSE:-1, POSE:]
+    spread = jnp.einsum("pij,jk,plk->pil", slopes, covariance, slopes)
     # A picture of few corners restricts fewer parameters of the lens.
     corners = jnp.sum(weights > 0, axis=1, dtype=weights.dtype)
     numbers = jnp.clip(2 * corners - POSE, 0, own)
-    expected = numbers - jnp.einsum("pij,jk,pik->p", slopes, covariance, slopes)
-    shown = jnp.any(weights > 0, axis=1)
+    shown = corners > 0
+    expected = jnp.where(shown, numbers - jnp.trace(spread, axis1=1, axis2=2), 0.0)
     scatter = jnp.sum(jnp.where(shown[:, None], lower**2, 0.0))
-    scatter /= jnp.maximum(jnp.sum(jnp.where(shown, expected, 0.0)), 1.0)
+    scatter /= jnp.maximum(jnp.sum(expected), 1.0)
+    # Corners that are off together, as neighbors are whose windows share pixels, move smooth image
+    # heights more than the many parameters that stand for finer waves.
+    angles = lens_of(found).angles(board_points(moved, sightings.points))
+    widest = jnp.max(jnp.where(sightings.used, angles, 0.0))
+
+    def heights(lens: Array) -> Array:
+        one = lens_of(mean + root @ lens)
+        return one.focal * one.projection.height(widest * FIELD)
+
+    rows = jax.jacfwd(heights)(lens)
+    rows /= jnp.sqrt(jnp.einsum("hi,ij,hj->h", rows, covariance, rows))[:, None]
+    pulls = jnp.einsum("hi,ij,pkj->phk", rows, covariance, slopes)
+    expected = jnp.sum(pulls**2) - jnp.einsum("phi,pij,phj->", pulls, spread, pulls)
+    pulled = jnp.sum(jnp.einsum("phk,pk->ph", pulls, lower) ** 2)
+    scatter = jnp.maximum(scatter, pulled / jnp.maximum(expected, TOLERANCE))
     return found, moved, left, fit.solution.ok, root @ covariance @ root.T, scatter
 
 

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
 from designopt.errors import UserError
 from optics.calibration.bundle import (
@@ -21,6 +21,7 @@ from optics.calibration.bundle import (
     Prior,
     Sightings,
     adjust,
+    board_points,
     find_poses,
 )
 from optics.calibration.calibrated import CalibratedLens
@@ -336,10 +337,3 @@ def _distances(poses: Poses, shown: Sightings) -> Float[np.ndarray, " pictures"]
     pairs = zip(points, np.asarray(shown.used), strict=True)
     middles = [np.mean(one[used], axis=0) if any(used) else AHEAD * np.nan for one, used in pairs]
     return np.linalg.norm(middles, axis=-1)
-
-
-def board_points(
-    poses: Poses, points: Float[Array, "pictures most 2"]
-) -> Float[Array, "pictures most 3"]:
-    """Points of the board in the camera frame, mm."""
-    return jnp.einsum("pij,pnj->pni", poses.turns[..., :2], points) + poses.shifts[:, None]

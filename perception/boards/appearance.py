@@ -26,6 +26,10 @@ SKEW = 0.6
 """Tone curves of cameras are bent more in the dark: with this, those of the powers 1/1.8 to 1/2.4
 are met to 1.5 % of the contrast."""
 
+FLATTER = 0.9
+"""What the power of a tone curve is below 1 by, over its bend: met to 0.01 by 1, 1/1.8, 1/2.2 and
+1/2.4, for ink and paper that send 1 and 17 parts of light."""
+
 Images = Float[np.ndarray, "maps pixels pixels"]
 
 
@@ -53,6 +57,11 @@ class Look(NamedTuple):
         It is a share of the contrast.
         """
         return float(np.clip(self.swell / self.width, *BENDS))
+
+    @property
+    def power(self) -> float:
+        """Of the light, that brightness grows with."""
+        return 1 - FLATTER * self.bend
 
 
 class Appearance(NamedTuple):

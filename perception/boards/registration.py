@@ -129,7 +129,8 @@ class _Windows(NamedTuple):
         x, y = np.broadcast_arrays(line[:, 0, None], line[:, 1, :, None])
         x, y = x.astype(np.float32), y.astype(np.float32)
         weights = self._weights(pattern, maps.slopes(places).astype(np.float32), points, x, y)
-        system = _System.of(self.light, weights, seen, x / half, y / half)
+        blur = look.width**2 / look.power / half
+        system = _System.of(self.light, weights, seen, x / half, y / half, blur)
         whole = system.solved(PLANE.stop).left
         free = system.solved(BENT + 1)
         alike = free.left < (1 - ALIKE) * whole
@@ -212,10 +213,19 @@ class _System(NamedTuple):
 
     @classmethod
     def of(
-        cls, light: np.ndarray, weights: np.ndarray, seen: Appearance, x: np.ndarray, y: np.ndarray
+        cls,
+        light: np.ndarray,
+        weights: np.ndarray,
+        seen: Appearance,
+        x: np.ndarray,
+        y: np.ndarray,
+        blur: float,
     ) -> _System:
         n, shade, right, down = len(light), seen.shade, seen.right, seen.down
-        light_terms = (np.ones_like(x), x, y, shade, shade * x, shade * y, seen.wider)
+        # Uneven light falls on the print, and both are blurred together: of x s, a Gaussian of the
+        # variance σ² makes x s + σ² ds/dx. Without the second term edges move to the darker side.
+        lit = shade * x + blur * right, shade * y + blur * down
+        light_terms = (np.ones_like(x), x, y, shade, *lit, seen.wider)
         moves = (right, down, right * x, right * y, down * x, down * y)
         terms = np.stack((*light_terms, *moves, seen.bent), axis=1).reshape(n, BENT + 1, -1)
         weights, light = weights.reshape(n, 1, -1), light.reshape(n, -1, 1)

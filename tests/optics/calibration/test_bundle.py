@@ -1,7 +1,10 @@
 """Bundle adjustment against SciPy's, and poses against those of which boards were drawn."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
+import scipy.ndimage
 import scipy.optimize
 from scipy.spatial.transform import Rotation
 
@@ -81,6 +84,36 @@ def test_deviations_are_the_scatter_of_repeated_fits():
         off.append(errors @ np.linalg.solve(found.covariance, errors))
     # χ² of 360 degrees of freedom, whose mean over them is known to 7.5 %.
     np.testing.assert_allclose(np.mean(off) / 9, 1.0, atol=0.2)
+
+
+def test_scatter_is_that_of_image_heights_where_neighbors_are_off_together():
+    turns, shifts = boards(0, 12)
+    poses, squares, scatters = Poses(jnp.asarray(turns), jnp.asarray(shifts)), [], []
+    shares, generator = np.array([0.5, 0.9, 1.3]), np.random.default_rng(0)
+    prior = Prior(TRUTH, np.diag([30.0, 10, 10, 0.1, 0.1, 0.03, 0.01, 1, 0.3]))
+
+    def heights(lens):
+        own = lens_of(lens)
+        return own.focal * own.projection.height(jnp.asarray(shares))
+
+    slopes = np.asarray(jax.jacfwd(heights)(jnp.asarray(TRUTH)))
+    exact, _ = sightings(turns, shifts, 0, noise=0.0)
+    for _ in range(24):
+        # Of the mean of three by three neighbors a corner has a third of the deviation.
+        noise = generator.normal(0, 3 * NOISE, (12, 2, 9, 11))
+        noise = scipy.ndimage.uniform_filter(noise, (0, 0, 3, 3))[..., 1:-1, 1:-1]
+        off = np.moveaxis(noise, 1, -1).reshape(12, -1, 2)
+        seen = type(exact)(exact.points, exact.places + off, exact.deviations * NOISE)
+        found = adjust(seen, lens_of(jnp.asarray(TRUTH)), poses, prior, robust=False)
+        errors = np.asarray(heights(jnp.asarray(parameters_of(found.lens)))) - np.asarray(
+            heights(jnp.asarray(TRUTH))
+        )
+        spread = np.einsum("hi,ij,hj->h", slopes, found.covariance, slopes)
+        squares.append(errors**2 / spread)
+        scatters.append(found.scatter)
+    plain, scatter = np.array(squares), np.array(scatters)[:, None]
+    assert np.sqrt(np.mean(plain)) > 1.5
+    assert np.sqrt(np.mean(plain / scatter)) == pytest.approx(1.0, abs=0.2)
 
 
 def test_a_held_parameter_stays_where_it_is():

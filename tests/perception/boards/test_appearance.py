@@ -99,3 +99,13 @@ def test_a_bend_is_a_tone_curve_that_rises_from_black_to_white():
         wanted = (light ** (1 / gamma) - 0.06 ** (1 / gamma)) / (1 - 0.06 ** (1 / gamma))
         assert np.abs(shade - wanted).max() < 0.03
         assert np.all(np.diff(shade[order]) > -1e-6)
+
+
+@pytest.mark.parametrize("gamma", [1.0, 1.8, 2.2, 2.4])
+def test_power_is_that_of_the_tone_curve(gamma):
+    def tone(light: float) -> float:
+        ink, paper = (1 / 17) ** (1 / gamma), 1.0
+        return (light ** (1 / gamma) - ink) / (paper - ink)
+
+    bend = 4 * (tone((1 + 1 / 17) / 2) - 0.5)
+    assert Look(0.8, bend * LOOK.width).power == pytest.approx(1 / gamma, abs=0.01)
