@@ -1,5 +1,6 @@
 """What the lens study keeps: corners as they were found, for what they were asked of."""
 
+import inspect
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -73,6 +74,6 @@ def test_what_is_kept_follows_from_judge_detector_and_versions():
     mitsuba = pytest.importorskip("mitsuba")
     made = lens_check._sources()
     for module in (lens_check.judge, perception.boards.detection, board_sightings):
-        assert Path(module.__file__).read_bytes() in made
+        assert Path(inspect.getfile(module)).read_bytes() in made
     assert mitsuba.__version__.encode() in made
     assert cv2.__version__.encode() in made

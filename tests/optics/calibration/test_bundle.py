@@ -101,7 +101,7 @@ def test_scatter_is_that_of_image_heights_where_neighbors_are_off_together():
     for _ in range(24):
         # Of the mean of three by three neighbors a corner has a third of the deviation.
         noise = generator.normal(0, 3 * NOISE, (12, 2, 9, 11))
-        noise = scipy.ndimage.uniform_filter(noise, (0, 0, 3, 3))[..., 1:-1, 1:-1]
+        noise = scipy.ndimage.uniform_filter(noise, 3, axes=(2, 3))[..., 1:-1, 1:-1]
         off = np.moveaxis(noise, 1, -1).reshape(12, -1, 2)
         seen = type(exact)(exact.points, exact.places + off, exact.deviations * NOISE)
         found = adjust(seen, lens_of(jnp.asarray(TRUTH)), poses, prior, robust=False)
