@@ -13,6 +13,7 @@ from designopt.explore.bench import Bench
 from designopt.export.drawing import Drawing
 from designopt.export.json import Quantity
 from designopt.export.parts import Assembly
+from designopt.optimize.parametric import ParametricDesign
 
 DESIGN_GROUP = "designopt.designs"
 
@@ -34,6 +35,7 @@ class DesignKind:
         quantities: every number of it.
         mjcf: the text of a MuJoCo model of it; ``None`` where nothing of it moves.
         assembly: it as parts to make; ``None`` where it has no width.
+        parametric: it as named numbers that can be optimised; ``None`` where nothing of it can.
         command: what computes something of such a file, for messages.
         shared: tables of other kinds that files of this kind have as well.
     """
@@ -46,6 +48,7 @@ class DesignKind:
     quantities: Callable[[Any], Sequence[Quantity]]
     mjcf: Callable[[Any], str] | None = None
     assembly: Callable[[Any], Assembly] | None = None
+    parametric: Callable[[Any], ParametricDesign] | None = None
     command: str = "designopt explore"
     shared: tuple[str, ...] = ()
 
@@ -65,6 +68,16 @@ class Design:
     def explorer(self) -> Bench:
         """It with its knobs, for ``designopt explore``."""
         return self.kind.explorer(self.model)
+
+    def parametric(self) -> ParametricDesign:
+        """It as named numbers that can be optimised.
+
+        Raises:
+            UserError: nothing of it can.
+        """
+        if self.kind.parametric is None:
+            raise UserError(f"{self.name}: a {self.kind.name} has nothing that can be optimised")
+        return self.kind.parametric(self.model)
 
     def drawing(self) -> Drawing:
         """It drawn to scale in its reference pose."""

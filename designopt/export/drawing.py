@@ -9,7 +9,8 @@ from typing import Literal, NamedTuple
 
 from designopt.export.arcs import Place, arc_line
 
-Kind = Literal["body", "mirror", "pad", "blocker", "camera", "construction"]
+Kind = Literal["body", "mirror", "pad", "blocker", "camera", "construction", "path", "view"]
+"""Of a layer; a path is what a point traces, a view is the light that reaches the camera."""
 
 
 class Layer(NamedTuple):
@@ -31,13 +32,15 @@ class Layer(NamedTuple):
 class Polyline(NamedTuple):
     """A line through places, closed or not; ``bulges`` of its edges as in `designopt.export.arcs`.
 
-    Without them all edges are straight.
+    Without them all edges are straight. ``name`` is that of what it stands for; its layer's if
+    empty.
     """
 
     layer: str
     places: Sequence[Place]
     closed: bool = False
     bulges: Sequence[float] = ()
+    name: str = ""
 
     def line(self) -> list[Place]:
         """Its places, and more of them on its arcs."""

@@ -22,11 +22,13 @@ class LineStyle(NamedTuple):
         color: ``#RRGGBB``.
         width: of its lines on paper, mm.
         dashed: whether its lines are broken.
+        fill: opacity with which closed lines are filled.
     """
 
     color: str
     width: float
     dashed: bool = False
+    fill: float = 0.0
 
 
 KINDS = {
@@ -36,6 +38,8 @@ KINDS = {
     "blocker": LineStyle("#808080", THICK),
     "camera": LineStyle("#B07D00", MIDDLE),
     "construction": LineStyle("#808080", THIN, dashed=True),
+    "path": LineStyle("#808080", THIN),
+    "view": LineStyle("#56B4E9", THIN, fill=0.25),
 }
 
 

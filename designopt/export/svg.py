@@ -87,7 +87,9 @@ def _group(root: Element, name: str, taken: set[str]) -> Element:
 def _paint(group: Element, look: LineStyle, unit: float) -> None:
     width = f"{look.width * unit:.6g}"
     looks = {"stroke-width": width, "stroke-linejoin": "round"}
-    group.attrib |= {"fill": "none", "stroke": look.color, **looks}
+    group.attrib |= {"fill": look.color if look.fill else "none", "stroke": look.color, **looks}
+    if look.fill:
+        group.set("fill-opacity", f"{look.fill:g}")
     if look.dashed:
         group.set("stroke-dasharray", f"{3 * unit:.6g} {1.5 * unit:.6g}")
 

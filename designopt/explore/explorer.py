@@ -1,0 +1,147 @@
+"""A design that a person turns: what the page of ``designopt explore`` shows, and what it asks."""
+
+from __future__ import annotations
+
+import abc
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from designopt.export.drawing import Drawing, Place
+from designopt.optimize.parametric import Parameter, ParametricDesign, Values
+
+
+@dataclass(frozen=True)
+class Readout:
+    """One number shown beside the picture.
+
+    Attributes:
+        name: what it is, in words; unique among an explorer's readouts.
+        value: the number; ``None`` where there is none.
+        unit: of the value; empty for a pure number.
+    """
+
+    name: str
+    value: float | None
+    unit: str = ""
+
+
+def number_text(value: float | None) -> str:
+    """A readout's value to six significant digits; a dash where there is none."""
+    return "–" if value is None or not math.isfinite(value) else f"{value:.6g}"
+
+
+class Handle(NamedTuple):
+    """A place in a drawing that a person can drag.
+
+    Attributes:
+        name: unique among an explorer's handles; what it moves, such as "pin F".
+        place: in the drawing, mm.
+        parameters: names of those that dragging changes: joints and dimensions. If one of them is
+            locked, the handle cannot be dragged.
+    """
+
+    name: str
+    place: Place
+    parameters: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class View:
+    """A drawing to scale.
+
+    Attributes:
+        name: its heading, unique among the panels.
+        drawing: in the pose that is shown, by the exporters' shapes.
+        handles: what of it can be dragged.
+        notes: numbers of a part by its name (a layer's or a circle's), which hovering shows.
+    """
+
+    name: str
+    drawing: Drawing
+    handles: Sequence[Handle] = ()
+    notes: Mapping[str, str] = field(default_factory=dict)
+
+
+class Series(NamedTuple):
+    """A curve in a chart; NaN interrupts it."""
+
+    name: str
+    x: Sequence[float]
+    y: Sequence[float]
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Curves over one axis.
+
+    Attributes:
+        name: its heading, unique among the panels.
+        x_label: with the unit in brackets.
+        y_label: likewise.
+        series: the curves.
+        at: where the design stands now, on the x axis; ``None`` where it is nowhere.
+        y_range: lowest and highest value shown; by default what the curves need.
+    """
+
+    name: str
+    x_label: str
+    y_label: str
+    series: Sequence[Series]
+    at: float | None = None
+    y_range: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class ExplorerState:
+    """What is shown of one set of values.
+
+    Attributes:
+        readouts: the numbers, the same names in the same order every time.
+        panels: views and charts, the same names in the same order every time.
+        message: what is the matter, in one sentence with its cure; empty where all is well.
+    """
+
+    readouts: Sequence[Readout]
+    panels: Sequence[View | Chart]
+    message: str = ""
+
+
+class Explorer(abc.ABC):
+    """A design with joints to turn and dimensions to change.
+
+    Everything is called in one thread, with JAX in float64. ``Values`` hold a number for every
+    joint and every dimension.
+
+    Attributes:
+        design: its parameters are the dimensions; what it measures can be optimised.
+        joints: what a pose is turned by; their values are those of the first pose.
+        presets: named values of some joints or dimensions, such as ``{"straight": {"pip": 0}}``.
+    """
+
+    design: ParametricDesign
+    joints: tuple[Parameter, ...]
+    presets: Mapping[str, Values] = {}
+
+    @abc.abstractmethod
+    def sketch(self) -> Sequence[View]:
+        """The views of the design as it is in its file, in its first pose: nothing is compiled."""
+
+    @abc.abstractmethod
+    def show(self, values: Values) -> ExplorerState:
+        """What these values give. Never raises for values inside their ranges."""
+
+    @abc.abstractmethod
+    def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
+        """The values with which a handle is at a place, or as near as their ranges let it.
+
+        Args:
+            values: as shown.
+            handle: its name.
+            place: in the coordinates of its view, mm.
+        """
+
+    def values(self) -> dict[str, float]:
+        """Those that are shown first."""
+        return {joint.name: joint.value for joint in self.joints} | self.design.values()

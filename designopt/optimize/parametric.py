@@ -1,0 +1,196 @@
+"""A design as named numbers: parameters that may change, and measures that follow from them.
+
+What ``designopt optimise`` searches, and what ``designopt explore`` turns; it does not depend on
+either.
+"""
+
+from __future__ import annotations
+
+import abc
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from designopt.errors import UserError
+from designopt.io.spec import SpecFile
+
+Values = Mapping[str, float]
+"""A number for every parameter, by its name, in its unit."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number that may be changed.
+
+    Attributes:
+        name: unique in its design; parts joined by dots, as in the JSON export:
+            ``bodies.coupler.A-B``, ``mirrors.distal.from.x``, ``camera.direction``.
+        value: as designed.
+        low: its least value.
+        high: its greatest value.
+        unit: of all three: ``"mm"``, ``"°"``, ``"N mm/rad"`` or empty.
+        label: as people read it, such as "coupler A–B"; the name if empty.
+    """
+
+    name: str
+    value: float
+    low: float
+    high: float
+    unit: str = "mm"
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A quantity by which a design is judged, over all its postures.
+
+    Attributes:
+        name: unique in its design, such as ``min_transmission`` or ``coverage.distal``.
+        unit: of its values: ``"°"``, ``"mm"``, ``"px/mm"`` or empty.
+        description: what it is, for people: a noun phrase.
+        worst: which of the elements of its array counts.
+        scale: a change that matters as much as a parameter's whole range does.
+        where: from the index of an element to words, such as "at PIP 30°"; empty words for one
+            number.
+    """
+
+    name: str
+    unit: str
+    description: str
+    worst: Literal["least", "greatest"] = "least"
+    scale: float = 1.0
+    where: Callable[[tuple[int, ...]], str] = lambda index: ""
+
+
+Relation = Literal[">=", "<="]
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A requirement: a measure that must be at least, or at most, some value.
+
+    Attributes:
+        measure: its name.
+        relation: of the measure to the value.
+        value: in the measure's unit.
+        label: what is asked for, for people; the three others if empty.
+    """
+
+    measure: str
+    relation: Relation
+    value: float
+    label: str = ""
+
+    @classmethod
+    def parse(cls, text: str) -> Bound:
+        """The requirement that a person writes, such as ``mu.B>=40``.
+
+        Args:
+            text: a measure's name, ``>=`` or ``<=``, and a number.
+
+        Raises:
+            UserError: it is not of that form.
+
+        Example:
+            >>> Bound.parse("mu.B >= 40").value
+            40.0
+        """
+        found = re.fullmatch(r"\s*(\S+?)\s*(>=|<=|≥|≤)\s*(\S+)\s*", text)
+        try:
+            assert found is not None
+            name, relation, number = found.groups()
+            value = float(number)
+        except (AssertionError, ValueError):
+            raise UserError(
+                f"--keep {text!r}: write a measure, >= or <=, and a number, such as 'mu.B>=40'"
+            ) from None
+        if not np.isfinite(value):
+            raise UserError(f"--keep {text!r}: {number} is no limit; give a finite number")
+        return cls(name, ">=" if relation in (">=", "≥") else "<=", value)
+
+    def __str__(self) -> str:
+        return self.label or f"{self.measure} {self.relation} {self.value:g}"
+
+    def margin(self, value: float) -> float:
+        """By how much a value meets it, in the measure's unit; negative where it does not."""
+        return value - self.value if self.relation == ">=" else self.value - value
+
+
+class ParametricDesign(abc.ABC):
+    """A design as a function of its parameters; JAX is in float64 wherever it is called."""
+
+    title: str
+    """Its name, for people."""
+
+    parameters: tuple[Parameter, ...]
+    """Every number that may change; joint angles are not among them."""
+
+    measures: tuple[Measure, ...]
+    """All that can be maximised, minimised or kept; the first is what is improved by default."""
+
+    requirements: tuple[Bound, ...]
+    """What the design itself asks for; every optimisation keeps it."""
+
+    @abc.abstractmethod
+    def evaluate(
+        self, values: Float[Array, " parameters"], of: tuple[str, ...]
+    ) -> dict[str, Float[Array, "..."]]:
+        """Measures of a design, differentiable; traced by JAX.
+
+        Beyond what is possible the arrays go on finitely with a slope that leads back: a pad that
+        is wholly hidden has a coverage below 0 by the angle (rad) by which it is missed.
+
+        Args:
+            values: of all parameters, in their order and units.
+            of: names of the measures that are asked for; others are not traced.
+
+        Returns:
+            An array for each of these, whose least or greatest element counts.
+        """
+
+    @abc.abstractmethod
+    def judge(self, values: Values) -> dict[str, float]:
+        """Every measure of a design, computed apart from `evaluate`: finer, or by another way.
+
+        Raises:
+            UserError: these values give no design, and why.
+        """
+
+    @abc.abstractmethod
+    def files(self, values: Values) -> Sequence[SpecFile]:
+        """The files that describe the design, which the other commands read.
+
+        Raises:
+            UserError: these values give no design, and why.
+        """
+
+    def values(self) -> dict[str, float]:
+        """As designed."""
+        return {parameter.name: parameter.value for parameter in self.parameters}
+
+    def vector(self, values: Values) -> Float[Array, " parameters"]:
+        """Values in the order of the parameters."""
+        return jnp.array([values[parameter.name] for parameter in self.parameters], float)
+
+
+def shortfalls(
+    design: ParametricDesign, judged: Mapping[str, float], keep: Iterable[Bound] = ()
+) -> list[tuple[Bound, float]]:
+    """The requirements that a judged design misses, each with its margin (negative), worst first.
+
+    Args:
+        design: with its own requirements.
+        judged: what `ParametricDesign.judge` returned.
+        keep: further requirements.
+    """
+    scales = {measure.name: measure.scale for measure in design.measures}
+    margins = [
+        (bound, bound.margin(judged[bound.measure])) for bound in (*design.requirements, *keep)
+    ]
+    missed = [(bound, margin) for bound, margin in margins if not margin >= 0]
+    return sorted(missed, key=lambda one: one[1] / scales[one[0].measure])
