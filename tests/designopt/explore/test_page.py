@@ -213,7 +213,9 @@ def test_a_finger_drags_a_handle_and_two_fingers_zoom(visit, site):
     touch("touchEnd")
     wait(lambda: site.values["radius"] != 31.37)
     assert page.evaluate("scrollY") == 0
-    scale = "Number(document.querySelector('.view g').getAttribute('transform').match(/[\\d.]+/)[0])"
+    scale = (
+        "Number(document.querySelector('.view g').getAttribute('transform').match(/[\\d.]+/)[0])"
+    )
     before = page.evaluate(scale)
     touch("touchStart", (60, 150), (160, 150))
     touch("touchMove", (60, 150), (260, 150))
@@ -416,7 +418,9 @@ def test_saved_pictures_are_what_is_seen(visit, tmp_path, browser, panel, turns)
         svg = pixels(other.locator("svg").screenshot())
         other.close()
         for picture in (pixels(saved["PNG"]), svg):
-            assert abs(np.array(picture.shape) - seen.shape).max() <= 2  # a part of a pixel of the page
+            assert (
+                abs(np.array(picture.shape) - seen.shape).max() <= 2
+            )  # a part of a pixel of the page
             rows, columns = np.minimum(picture.shape, seen.shape)[:2]
             apart = np.abs(picture[:rows, :columns] - seen[:rows, :columns]).max(axis=2)
             assert np.mean(apart > 60) < 0.004  # but for the smoothing of edges

@@ -256,7 +256,9 @@ def test_a_fault_of_a_design_is_shown(run, capfd):
         assert session.model["note"] == "box.toml: no drawing"
         session._design.judge = lambda values: 1 / 0
         say(set_("rod", 71))
-        await until(lambda model: model["note"] == "this failed: ZeroDivisionError: division by zero")
+        await until(
+            lambda model: model["note"] == "this failed: ZeroDivisionError: division by zero"
+        )
 
     run(guest, Broken())
     assert "division by zero" in capfd.readouterr().err

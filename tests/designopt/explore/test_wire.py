@@ -61,12 +61,16 @@ def test_coordinates_of_page_svg_and_dxf_are_the_same():
         (one.dxf.layer, [(x, -y) for x, y in one.get_points("xy")])
         for one in model.query("LWPOLYLINE")
     ]
+    straight = [
+        (one.dxf.layer, [(place.x, -place.y) for place in (one.dxf.start, one.dxf.end)])
+        for one in model.query("LINE")
+    ]
     ours = [
         (DRAWING.layers[layer].name, np.reshape(numbers(d), (-1, 2)).tolist())
         for layer, _, d in lines
         if "A" not in d
     ]
-    theirs = [one for one in drawn if one[0] != "rim"]
+    theirs = [*straight, *(one for one in drawn if one[0] != "rim")]
     assert len(ours) == len(theirs) == 3
     for (layer, places), (dxf_layer, dxf_places) in zip(ours, theirs, strict=True):
         assert layer.lower() == dxf_layer.lower()
