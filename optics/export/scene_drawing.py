@@ -181,7 +181,7 @@ def draw_views(
     Returns:
         A layer of kind ``"view"`` for every path by which anything is seen, named as the path, and
         for every piece of a pad that it shows an outline from the camera to the first mirror, one
-        from each mirror to the next, and one to the pad, each named as the pad.
+        from each mirror to the next, and one to the pad, each named as pad and path.
     """
     layout, section = scene.layout, Section.of(scene, angles)
     names = name_paths(layout, views.value.spans.shape[-2])
@@ -194,9 +194,8 @@ def draw_views(
         for leg in range(min(map(len, lines)) - 1):
             first, last = ([line[at] for line in lines] for at in (leg, leg + 1))
             outline = dict.fromkeys(_places(np.array([*first, *reversed(last)])))
-            polylines.append(
-                Polyline(names[path], [*outline], closed=True, name=f"{layout.pads[pad].name} pad")
-            )
+            name = f"{layout.pads[pad].name} pad, {names[path]}"
+            polylines.append(Polyline(names[path], [*outline], closed=True, name=name))
     return [layers[path] for path in sorted(layers)], polylines
 
 
