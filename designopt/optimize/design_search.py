@@ -353,8 +353,8 @@ class DesignSearch:
             name: Requirement(partial(_always, labels[name].label or name), labels[name].unit)
             for name in self.free
         }
-        ends = (
-            {name: jnp.array(end[side], float) for name, end in self.free.items()}
+        low, high = (
+            {name: jnp.array(ends[side], float) for name, ends in self.free.items()}
             for side in (0, 1)
         )
         data = full, jnp.zeros(len(self.keep))
