@@ -113,8 +113,6 @@ def look_at(scene: Scene, angles: Float[np.ndarray, " joints"]) -> Seen:
 class SceneExplorer(Explorer):
     """A scene of pads, with joint angles, camera and mirrors to turn."""
 
-    design: SceneParameters
-
     def __init__(
         self, design: DesignedScene, *, over: Mapping[str, tuple[float, float]] | None = None
     ) -> None:
@@ -127,8 +125,8 @@ class SceneExplorer(Explorer):
         Raises:
             UserError: as `SceneParameters`.
         """
-        self.design = SceneParameters(design, over=over)
-        self.joints = self.design.joints
+        self.design = self._parameters = SceneParameters(design, over=over)
+        self.joints = self._parameters.joints
         if self.joints:
             self.presets = {
                 "straight": {joint.name: joint.value for joint in self.joints},
@@ -150,10 +148,10 @@ class SceneExplorer(Explorer):
         Where the values describe no scene, the picture stays that of the last ones that do.
         """
         try:
-            self.design.tables(values)
+            self._parameters.tables(values)
         except UserError as error:
             return ExplorerState(self._readouts(None), self._panels, str(error))
-        scene = self.design.scene(values)
+        scene = self._parameters.scene(values)
         seen = look_at(scene, self._angles(values))
         self._notice(values)
         self._panels = (self._view(scene, values, seen), *self._chart(values, seen))
@@ -165,7 +163,7 @@ class SceneExplorer(Explorer):
 
     def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
         """As `Explorer.drag`."""
-        scene = self.design.scene(values)
+        scene = self._parameters.scene(values)
         (names,) = (one.parameters for one in self._handles(scene, values) if one.name == handle)
         section = Section.of(scene, self._angles(values))
         layout = scene.layout

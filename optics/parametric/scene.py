@@ -17,6 +17,7 @@ from scipy.stats import qmc
 
 from designopt.errors import UserError
 from designopt.io.spec import SpecFile
+from designopt.io.spec_files import validated
 from designopt.io.toml_writing import format_toml
 from designopt.numerics import safe_sqrt
 from designopt.optimize.parametric import Bound, Measure, Parameter, ParametricDesign, Values
@@ -31,8 +32,8 @@ from optics.parametric.scene_measures import (
 )
 from optics.scene.designed import DesignedScene
 from optics.scene.fabrication import turned
-from optics.scene.file import NARROW
-from optics.scene.reading import parse_scene
+from optics.scene.file import NARROW, SceneFile
+from optics.scene.reading import refuse_faults
 from optics.scene.scene import Layout, Scene, Surface
 from optics.scene.writer import scene_tables
 from optics.visibility.coverage import find_views
@@ -222,7 +223,7 @@ class SceneParameters(ParametricDesign):
         if lens is not None:
             # No value turns it, and of the scene its numbers would come back with rounding.
             tables["camera"]["lens"] = lens.model_dump(exclude_none=True)
-        parse_scene(tables, self.title)
+        refuse_faults(validated(SceneFile, tables, self.title), self.title)
         return tables
 
     def _part(self, name: str, arrays: Mapping[str, Any]) -> Any:
