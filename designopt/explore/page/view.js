@@ -1,14 +1,16 @@
 // A drawing to scale: shapes as SVG, or on a canvas where there are many; pan, zoom, hover, drag.
 
-import { button, find, html, numberText, svg } from './elements.js';
+import { button, find, html, numberText, svg, tell } from './elements.js';
 
 const MOST_ELEMENTS = 2000; // shapes; more are drawn on a canvas
-const PAPER = 4.2; // pixels of the screen for a millimetre of line width on paper
+const PAPER = 5.5; // pixels of the screen for a millimetre of line width on paper
 const ROOM = 26; // pixels around what is fitted
 const NEAR = 7; // pixels from a line at which it is hovered
 const STEP = 1.25;
 const WIDTH_OF_LETTER = 7.5; // pixels, of labels
-const AROUND = [[9, -9], [-9, -9], [9, 17], [-9, 17], [13, 4], [-13, 4], [0, -13], [0, 22]];
+const AROUND = [
+  [9, -9], [-9, -9], [9, 17], [-9, 17], [13, 4], [-13, 4], [0, -13], [0, 22], [9, -24], [-9, -24], [9, 32], [-9, 32],
+];
 
 export class View {
   constructor(name, link) {
@@ -211,9 +213,9 @@ export class View {
         const left = across + right - (right < 0 ? width : right ? 0 : width / 2);
         return [left, down + low - 11, left + width, down + low + 2];
       });
-      const overlap = (box) => taken.filter((one) => box[0] < one[2] && one[0] < box[2] && box[1] < one[3] && one[1] < box[3]).length;
-      const counts = boxes.map(overlap);
-      const box = boxes[counts.indexOf(Math.min(...counts))];
+      const faults = boxes.map((box) => (box[0] < 0 || box[2] > this.stage.clientWidth ? 3 : 0) + taken.filter(
+        (one) => box[0] < one[2] && one[0] < box[2] && box[1] < one[3] && one[1] < box[3]).length);
+      const box = boxes[faults.indexOf(Math.min(...faults))];
       taken.push(box);
       return svg('text', { class: 'label', x: box[0], y: box[3] - 2 }, text);
     });
@@ -251,7 +253,7 @@ export class View {
       const grabbed = event.target.handle;
       if (grabbed && this.pointers.size === 1) {
         const locked = this.lockedOf(grabbed.parameters);
-        if (locked.length) this.tell(event, `${grabbed.name} stays where it is: ${this.labelsOf(locked)} locked`);
+        if (locked.length) tell(event, `${grabbed.name} stays where it is: ${this.labelsOf(locked)} locked`);
         else this.grabbed = grabbed.name;
         this.held = true;
         this.link.newGesture();
@@ -304,21 +306,13 @@ export class View {
     return `${found.map(({ label }) => label).join(' and ')} ${found.length > 1 ? 'are' : 'is'}`;
   }
 
-  tell(event, text) {
-    const tip = find('tip');
-    tip.textContent = text;
-    tip.hidden = !text;
-    tip.style.left = `${Math.max(Math.min(event.clientX + 14, innerWidth - tip.offsetWidth - 8), 4)}px`;
-    tip.style.top = `${Math.max(event.clientY - tip.offsetHeight - 10, 4)}px`;
-  }
-
   // Name the part under the pointer, with its numbers.
   hover(event, x, y) {
     if (this.scale === undefined || event.target.closest('details')) return;
     const grip = event.target.handle;
     if (grip) {
       const locked = this.lockedOf(grip.parameters);
-      this.tell(event, locked.length ? `${grip.name} stays where it is: ${this.labelsOf(locked)} locked` : `drag ${grip.name}`);
+      tell(event, locked.length ? `${grip.name} stays where it is: ${this.labelsOf(locked)} locked` : `drag ${grip.name}`);
       return;
     }
     const place = this.inWorld(x, y);
@@ -327,7 +321,7 @@ export class View {
     const shape = backwards.find((one) => one.circle && this.hit.isPointInPath(pathOf(one), ...place))
       ?? backwards.find((one) => this.hit.isPointInStroke(pathOf(one), ...place))
       ?? backwards.find((one) => one.d?.endsWith('Z') && this.hit.isPointInPath(pathOf(one), ...place));
-    this.tell(event, shape ? this.words(shape) : '');
+    tell(event, shape ? this.words(shape) : '');
   }
 
   // A part's name, its numbers and, of a line, its length.

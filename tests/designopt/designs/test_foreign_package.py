@@ -6,6 +6,7 @@ import pytest
 
 from designopt import cli
 from designopt.designs import load_design
+from designopt.explore.explorer import View
 
 MODULE = """
 from dataclasses import dataclass
@@ -157,4 +158,5 @@ def test_its_explorer_shows_it(work):
     state = explorer.show({"side": 4.0})
     assert [(one.name, one.value) for one in state.readouts] == [("area", 16.0)]
     [view] = state.panels
+    assert isinstance(view, View)
     assert view.drawing.box() == ((0, 0), (4.0, 4.0))

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import numpy as np
@@ -41,6 +41,12 @@ def explored(named: str) -> Iterator[str]:
             process.terminate()
 
 
+def until(condition: Callable[[], bool]) -> None:
+    """Wait for a condition; the page's policy rules out a browser's own waiting for one."""
+    while not condition():
+        time.sleep(0.05)
+
+
 def measure(browser, named: str, sliders: int = 3) -> Iterator[tuple[str, np.ndarray]]:
     """Times in ms by slider; first that of the first picture and the first numbers."""
     start = time.monotonic()
@@ -49,13 +55,9 @@ def measure(browser, named: str, sliders: int = 3) -> Iterator[tuple[str, np.nda
         page.goto(address)
         page.wait_for_selector(".view svg path, .view svg circle, .view canvas", state="attached")
         first = time.monotonic() - start
-        page.wait_for_function(
-            "document.querySelector('#readouts th').textContent !== 'numbers'", timeout=300_000
-        )
+        until(lambda: page.locator("#readouts th").first.inner_text() != "numbers")
         yield "first picture and first numbers", 1e3 * np.array([first, time.monotonic() - start])
-        page.wait_for_function(
-            "document.getElementById('judging').textContent === ''", timeout=300_000
-        )
+        until(lambda: page.locator("#judging").inner_text() == "")
         found = page.locator("input[type=range]")
         for slider in [found.nth(n) for n in range(min(found.count(), sliders))]:
             slider.scroll_into_view_if_needed()

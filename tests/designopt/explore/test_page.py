@@ -65,7 +65,7 @@ def wait(condition):
 
 
 def settled(page):
-    page.wait_for_function("document.querySelector('#readouts th').textContent !== 'numbers'")
+    wait(lambda: page.locator("#readouts th").first.inner_text() != "numbers")
 
 
 def slider(page, name):
@@ -105,12 +105,8 @@ def shows(page, values):
     """The page has the picture and the numbers of these values."""
     wanted = [path_data(one) for one in draw(values, "slider").polylines]
     number = number_text(place(values))
-    page.wait_for_function(
-        """([wanted, number]) => document.querySelector('#readouts .number').textContent === number
-          && [...document.querySelectorAll('.view svg path')].every((one, n) =>
-            one.getAttribute('d') === wanted[n])""",
-        arg=[wanted, number],
-    )
+    wait(lambda: paths(page) == wanted)
+    wait(lambda: page.locator("#readouts .number").first.inner_text() == number)
 
 
 def test_shapes_come_first_and_can_be_turned_while_numbers_are_computed(visit, tmp_path):
@@ -310,8 +306,11 @@ def test_announcements_wait_for_rest(visit, site):
     settled(page)
     page.wait_for_timeout(1200)
     page.evaluate(
-        """() => { window.count = 0; new MutationObserver(() => { window.count += 1; })
-          .observe(document.getElementById('announcer'), {childList: true, characterData: true}); }"""
+        """() => {
+          window.count = 0;
+          new MutationObserver(() => { window.count += 1; })
+            .observe(document.getElementById('announcer'), {childList: true});
+        }"""
     )
     drag_slider(page, "crank", 0.2, 0.8)
     assert page.evaluate("count") == 0
@@ -481,8 +480,12 @@ def test_a_ninth_tab_and_a_bad_message_are_told_why(visit, site):
     ninth.get_by_text(f"{MOST_TABS} tabs are open already; close one").wait_for()
     ninth.close()
     pages[0].evaluate(
-        """() => { const socket = new WebSocket(`ws://${location.host}/ws`);
-          window.refused = new Promise((tell) => { socket.onclose = (event) => tell(event.code); }); }"""
+        """() => {
+          const socket = new WebSocket(`ws://${location.host}/ws`);
+          window.refused = new Promise((tell) => {
+            socket.onclose = (event) => tell(event.code);
+          });
+        }"""
     )
     assert pages[0].evaluate("refused") == 4008
     pages[1].close()

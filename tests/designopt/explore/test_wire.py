@@ -2,6 +2,7 @@
 
 import copy
 import io
+import itertools
 import json
 import xml.etree.ElementTree as ElementTree
 
@@ -58,7 +59,7 @@ def test_coordinates_of_page_svg_and_dxf_are_the_same():
 
     model = ezdxf.read(io.StringIO(dxf_text(DRAWING))).modelspace()  # pyright: ignore[reportPrivateImportUsage]
     drawn = [
-        (one.dxf.layer, [(x, -y) for x, y in one.get_points("xy")])
+        (one.dxf.layer, [(x, -y) for x, y in one.get_points("xy")])  # pyright: ignore[reportAttributeAccessIssue]
         for one in model.query("LWPOLYLINE")
     ]
     straight = [
@@ -103,7 +104,7 @@ def test_what_is_sent_of_a_change_makes_the_whole():
         shown.append(json.loads(json.dumps(fields, allow_nan=False)))
     fields = copy.deepcopy(changed_fields(shown[0], {"panels": [], "note": ""}))
     assert fields == shown[0]
-    for before, after in zip(shown, shown[1:], strict=False):
+    for before, after in itertools.pairwise(shown):
         change = changed_fields(after, before)
         assert "note" not in change
         assert len(json.dumps(change)) < len(json.dumps(after))
