@@ -172,9 +172,7 @@ def test_a_given_range_is_asked_for_from_end_to_end():
 
 
 def test_ranges_that_are_none_are_refused():
-    with pytest.raises(
-        UserError, match="--over handle: linkage has no such input"
-    ):
+    with pytest.raises(UserError, match="--over handle: linkage has no such input"):
         made(four_bar(*LENGTHS), handle=(0.0, 1.0))
     with pytest.raises(UserError, match="--over crank=90:0: give a range, low < high"):
         made(four_bar(*LENGTHS), crank=(90.0, 0.0))
