@@ -61,7 +61,7 @@ export class View {
     if (this.isNew) this.build();
     else if (!this.canvas) for (const index of this.dirty) this.place(index);
     this.dirty.clear();
-    if (this.fitted) this.follow();
+    if (this.fitted && !this.grabbed) this.follow();
     this.draw();
     clearTimeout(this.resting);
     this.resting = setTimeout(() => this.showParts(), 500);
@@ -101,15 +101,20 @@ export class View {
     else ['cx', 'cy', 'r'].forEach((name, number) => element.setAttribute(name, circle[number]));
   }
 
-  // Fit what has been seen so far, so that the picture rests while a design moves.
+  // Fit what has been seen so far when something leaves the stage: else the picture rests.
   follow() {
     if (!this.box) return;
     const [left, top, right, bottom] = this.box;
+    const { clientWidth: width, clientHeight: height } = this.stage;
+    if (this.seen && this.fittedTo === width * 1e5 + height) {
+      const [[x, y], [xEnd, yEnd]] = [this.onScreen(left, top), this.onScreen(right, bottom)];
+      if (x >= 0 && y >= 0 && xEnd <= width && yEnd <= height) return;
+    }
+    this.fittedTo = width * 1e5 + height;
     const seen = this.seen ?? this.box;
     this.seen = [
       Math.min(seen[0], left), Math.min(seen[1], top), Math.max(seen[2], right), Math.max(seen[3], bottom),
     ];
-    const { clientWidth: width, clientHeight: height } = this.stage;
     const [across, down] = [this.seen[2] - this.seen[0], this.seen[3] - this.seen[1]];
     this.scale = Math.min((width - 2 * ROOM) / (across || 1), (height - 2 * ROOM) / (down || 1));
     this.x = (width - this.scale * (this.seen[0] + this.seen[2])) / 2;
