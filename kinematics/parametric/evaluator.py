@@ -13,11 +13,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.quick_compilation import compile_quickly
-from designopt.solution import Solution
 from kinematics.model.linkage import Linkage
 from kinematics.parametric.dimensions import Dimensions
 from kinematics.plot.scene import Scene, Travel
 from kinematics.solve.plan import make_plan
+from kinematics.solve.poses import PoseResult
 from kinematics.solve.transmission import solve_poses_and_angles
 
 SAMPLES, FEW_SAMPLES = 121, 41
@@ -63,9 +63,8 @@ class PoseBatch(NamedTuple):
 
     def message(self) -> str:
         """Why the first one is none; empty if it is one."""
-        first = jax.tree.map(lambda code: jnp.asarray(code)[:1], self.result)
-        margin = jnp.asarray(self.margin[:1])
-        return Solution(None, margin, margin, first).messages()[0]
+        # An item has a message as an array of one number, and none as a number.
+        return PoseResult[jax.tree.map(lambda code: code[0, ...], self.result)]
 
 
 def together(*batches: PoseBatch) -> PoseBatch:

@@ -304,8 +304,8 @@ class LinkageDesign(ParametricDesign):
             except UserError as error:  # such as a pose in which an assembly is not decided
                 fault = str(error)
                 continue
-            own = row < len(tried)
-            pose = "as it stands" if own else "in its first pose" if not row else "in another pose"
+            poses_named = [*["as it stands"] * len(tried), "in its first pose"]
+            pose = poses_named[row] if row < len(poses_named) else "in another pose"
             title = f"the linkage {pose}, for designopt solve, explore, optimise and export"
             return [SpecFile("linkage.toml", title, text)]
         raise UserError(f"'{self.title}' as it stands cannot be sketched in a file: {fault}")

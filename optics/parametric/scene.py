@@ -124,7 +124,7 @@ class SceneParameters(ParametricDesign):
     """
 
     def __init__(
-        self, design: DesignedScene, *, over: Mapping[str, tuple[float, float]] | None = None
+        self, design: DesignedScene, over: Mapping[str, tuple[float, float]] | None = None
     ) -> None:
         """Nothing is compiled yet.
 
