@@ -12,7 +12,7 @@ import signal
 import sys
 from contextlib import suppress
 
-from designopt.errors import Interrupted, UserError, shortened
+from designopt.errors import Interrupted, UserError, one_line, shortened
 from designopt.interrupts import interruptible, leave
 
 WRONG = 2
@@ -133,8 +133,7 @@ def _reported(error: BaseException) -> int:
 
 def _say(message: str) -> None:
     """One line on standard error, whatever a message holds of names and files."""
-    line = " ".join(message.split())
-    line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
+    line = one_line(message)
     with suppress(OSError):
         try:
             print(shortened(line, LONGEST), file=sys.stderr, flush=True)

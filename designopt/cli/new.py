@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from designopt.cli.verbosity import is_quiet
 from designopt.errors import UserError
 
 if TYPE_CHECKING:
@@ -72,7 +73,8 @@ def new(
             write(path, template.prints[ending](*given))
     for path in (target, *beside.values()):
         print(printable(path))
-    print(f"next: {template.command} {printable(shlex.quote(target))}")
+    if not is_quiet():
+        print(f"next: {template.command} {printable(shlex.quote(target))}")
 
 
 def _print_names(found: list[tuple[str, FileTemplate | UserError]]) -> None:

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import math
+import shutil
 import sys
+import textwrap
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from designopt.cli.verbosity import is_quiet, is_verbose
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.errors import UserError
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from designopt.study.results import Results
+    from designopt.study.results import Metric, Results
     from designopt.study.study import Study
 
 
@@ -130,24 +133,51 @@ def _print_settings(study: Study) -> None:
     _print(table, least=longest + 46)
 
 
+def print_report_path(folder: Path) -> None:
+    """Print where the report of a result is; ``--quiet`` leaves the path alone."""
+    print(f"{'' if is_quiet() else 'report: '}{folder / 'report.html'}")
+
+
 def _summarize(results: Results, folder: Path) -> int:
+    if not is_quiet():
+        for number, finding in enumerate(results.findings, 1):
+            _print_wrapped(finding, f"{number:2}. ")
+        if is_verbose():
+            _print_metrics(results)
+        if results.waived:
+            _print_wrapped(f"Targets of the default settings do not apply: {results.waived}.")
+        elif met := sum(metric.met is True for metric in results.metrics):
+            print(f"{met} of {met + len(results.unmet)} targets are met.")
+    print_report_path(folder)
+    if not results.unmet:
+        return 0
+    print(f"targets missed: {'; '.join(map(_missed, results.unmet))}", file=sys.stderr)
+    return 1
+
+
+def _missed(metric: Metric) -> str:
+    """A missed target in words: ``least coverage of any pad is 0.93, asked for 1``."""
+    value = f"{metric.value:.4g}" if math.isfinite(metric.value) else "not found"
+    unit = f" {metric.unit}" if metric.unit else ""
+    return f"{metric.description} is {value}{unit}, asked for {metric.target}{unit}"
+
+
+def _print_metrics(results: Results) -> None:
     from rich import box
     from rich.table import Table
 
     table = Table("metric", "value", "unit", "target", "", box=box.SIMPLE_HEAD)
     for metric in results.metrics:
-        verdict = {True: "met", False: "MISSED", None: ""}[metric.met]
+        verdict = {True: "met", False: "missed", None: ""}[metric.met]
         value = f"{metric.value:.6g}" if math.isfinite(metric.value) else "none"
-        table.add_row(metric.name, value, metric.unit, str(metric.target or ""), verdict)
+        table.add_row(metric.description, value, metric.unit, str(metric.target or ""), verdict)
     _print(table)
-    if results.waived:
-        print(f"targets of the default settings do not apply: {results.waived}")
-    print(f"report: {folder / 'report.html'}")
-    if not results.unmet:
-        return 0
-    names = ", ".join(metric.name for metric in results.unmet)
-    print(f"targets missed: {names}", file=sys.stderr)
-    return 1
+
+
+def _print_wrapped(text: str, first: str = "") -> None:
+    """Print a paragraph as wide as the terminal, its further lines below its beginning."""
+    width = shutil.get_terminal_size().columns
+    print(textwrap.fill(text, width, initial_indent=first, subsequent_indent=" " * len(first)))
 
 
 def _print(table: Table, least: int = 0) -> None:

@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from designopt.errors import UserError, load_plug_in
 from designopt.io.spec import Spec
@@ -20,6 +20,12 @@ if TYPE_CHECKING:
 
 STUDY_GROUP = "designopt.studies"
 
+T = TypeVar("T")
+
+
+def _not_shown(done: int, total: int) -> None:
+    """No display of how many are done."""
+
 
 @dataclass(frozen=True)
 class Context:
@@ -29,11 +35,42 @@ class Context:
         seed: seed of every random draw.
         dtype: ``"float64"`` or ``"float32"``; JAX's default float type while the study runs.
         step: ``with step("Fitting"):`` shows what is being done while it lasts.
+        count: ``count(3, 12)`` shows that 3 of 12 are done, and the time left; see `each`.
     """
 
     seed: int
     dtype: str
     step: Callable[[str], AbstractContextManager[None]]
+    count: Callable[[int, int], None] = _not_shown
+
+    def each(self, items: Sequence[T], describe: Callable[[T], str]) -> Iterator[T]:
+        """Go through items in a step each, and show how many are done and the time left.
+
+        Args:
+            items: what is gone through.
+            describe: from an item to what is being done with it.
+
+        Yields:
+            The items, in their order.
+
+        Example:
+            >>> from contextlib import nullcontext
+            >>> shown = lambda done, total: print(f"{done} of {total}")
+            >>> context = Context(0, "float64", lambda text: nullcontext(print(text)), shown)
+            >>> sizes = [size for size in context.each([3, 4], lambda size: f"{size} px")]
+            0 of 2
+            3 px
+            1 of 2
+            4 px
+            2 of 2
+            >>> sizes
+            [3, 4]
+        """
+        self.count(0, len(items))
+        for number, item in enumerate(items):
+            with self.step(describe(item)):
+                yield item
+            self.count(number + 1, len(items))
 
     def require_float64(self, why: str) -> None:
         """End a study that asks more of its numbers than float32 has.

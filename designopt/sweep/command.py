@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from designopt.cli.studies import ConfigFiles, Dtype
+from designopt.cli.studies import ConfigFiles, Dtype, print_report_path
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.cores import usable_cores
 from designopt.errors import UserError
@@ -120,7 +120,7 @@ def sweep(
     asked = Sweep(chosen, points, shared, seed, dtype.value, versions_of(study), given)
     cores = workers or usable_cores()
     outcomes = run_sweep(asked, folder, workers=cores, scheduler=scheduler, force=force)
-    print(f"report: {folder / 'result' / 'report.html'}")
+    print_report_path(folder / "result")
     failures = {index: one.failure for index, one in outcomes.items() if one.failure}
     if not failures:
         return 0

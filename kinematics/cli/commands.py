@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+import logging
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +11,8 @@ import typer
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.errors import UserError
 from designopt.io.files import check_toml
+
+LOG = logging.getLogger("designopt.solve")
 
 
 def solve(
@@ -82,5 +84,5 @@ def solve(
     )
     remarks, assembled = solve_file(request)
     for line in remarks:
-        print(line, file=sys.stderr)
+        LOG.warning("%s", line)
     return 0 if assembled else 1

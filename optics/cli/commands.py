@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+import logging
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +10,8 @@ import typer
 
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.io.files import check_toml
+
+LOG = logging.getLogger("designopt.trace")
 
 
 def trace(
@@ -79,5 +81,5 @@ def trace(
         force=force,
     )
     for line in remarks:
-        print(line, file=sys.stderr)
+        LOG.warning("%s", line)
     return 0

@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
+from designopt.cli.verbosity import is_quiet
 from designopt.compilation_cache import NoCache, keep_programs
-from designopt.io.files import check_new_folder, check_toml
+from designopt.io.files import check_new_folder, check_toml, printable
 
 
 class Light(StrEnum):
@@ -151,5 +152,6 @@ def render(
         width=width,
         seed=seed,
     )
-    print(write_pictures(file, asked, out, force=force))
+    written = write_pictures(file, asked, out, force=force)
+    print(printable(str(out)) if is_quiet() else written)
     return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import time
 from collections import deque
@@ -15,6 +16,7 @@ from typing import NoReturn
 import jax
 import numpy as np
 
+from designopt.cli.verbosity import is_quiet
 from designopt.errors import Interrupted, UserError
 from designopt.io.files import check_new_folder, printable
 from designopt.io.spec_files import FORMAT
@@ -47,6 +49,8 @@ from studies.commands.records import Records, Seen
 from studies.commands.writing import OverlayPictures, OverlayVideo, PadPictures, Writer
 from studies.models.sensor.reading import Reader
 from studies.models.sensor.sensor_folder import read_image_size, read_sensor
+
+LOG = logging.getLogger("designopt.see")
 
 LATEST = 10_000
 """Frames whose latency is kept for the summary."""
@@ -176,7 +180,7 @@ def see_source(name: str, sensor_folder: Path, out: Path, asked: Asked) -> int:
         summary = f"{printable(str(out))}: {session.counts}"
         if was_interrupted and not is_live:
             raise Interrupted(summary)
-        print(summary, file=words, flush=True)
+        print(printable(str(out)) if is_quiet() else summary, file=words, flush=True)
         if page is not None and not is_live:
             page.stay()
     return 0 if session.counts.read else 1
@@ -296,7 +300,7 @@ class Session:
     def _note(self, item: LostFrame | Notice) -> str:
         if isinstance(item, LostFrame):
             self.counts.lost += item.count
-        print(printable(str(item)), file=sys.stderr)
+        LOG.warning("%s", item)
         return self._opened().note(item)
 
     def _is_of_other_size(self, item: Item) -> bool:
@@ -330,7 +334,7 @@ class Session:
         light = self._watch.look(frame.image)
         if light.verdict:
             self._light_moved = light.verdict != BACK
-            print(f"{frame.name}: {light.verdict} (its reference is the first)", file=sys.stderr)
+            LOG.warning("%s: %s (its reference is the first)", frame.name, light.verdict)
         return light
 
     def _opened(self) -> Records:

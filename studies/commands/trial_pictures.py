@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -168,7 +168,7 @@ def write_pictures(file: Path, asked: Asked, out: Path, *, force: bool) -> str:
         }
         try:
             with step(f"{len(shots)} pictures"):
-                _write_shots(shots, camera, asked.jpeg, folder)
+                _write_shots(shots, camera, asked.jpeg, folder, step.count)
             if errors is not None:
                 text = json.dumps(errors.table(scene), indent=1, ensure_ascii=False)
                 (folder / "truth.json").write_text(text + "\n", encoding="utf-8")
@@ -342,13 +342,20 @@ def _rows(scene: Scene, asked: int | None) -> int:
     return rows
 
 
-def _write_shots(shots: Sequence[Shot], camera: Renderer, jpeg: int | None, folder: Path) -> None:
-    """Write the pictures and the tables of their poses and contacts."""
+def _write_shots(
+    shots: Sequence[Shot],
+    camera: Renderer,
+    jpeg: int | None,
+    folder: Path,
+    count: Callable[[int, int], None],
+) -> None:
+    """Write the pictures and the tables of their poses and contacts; ``count`` is `StepDisplay`'s."""
     joints = [f"{joint}_deg" for joint in camera.scene.angle_names]
     frames: list[list[object]] = [["image", *joints]]
     touches: list[list[object]] = [["image", "pad", "along_mm", "across_mm", "diameter_mm"]]
     digits, ending = max(3, len(str(len(shots) - 1))), "png" if jpeg is None else "jpg"
     for number, (pose, contacts) in enumerate(shots):
+        count(number, len(shots))
         imprints: dict[str, list[Imprint]] = {}
         for one in contacts:
             imprints.setdefault(one.pad, []).append(one.imprint())
@@ -357,6 +364,7 @@ def _write_shots(shots: Sequence[Shot], camera: Renderer, jpeg: int | None, fold
         (folder / name).write_bytes(encode_picture(picture.pixels, jpeg))
         frames.append([name, *pose.tolist()])
         touches += [[name, *one[:4]] for one in contacts]
+    count(len(shots), len(shots))
     for name, rows in (("frames.csv", frames), ("contacts.csv", touches)):
         if len(rows) > 1:
             (folder / name).write_text(csv_text(rows), encoding="utf-8", newline="")
