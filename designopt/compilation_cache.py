@@ -70,9 +70,8 @@ def keep_programs() -> None:
     """
     if LOG.isEnabledFor(logging.DEBUG):
         _log_compiling()
-    named = os.environ.get(VARIABLE)
-    folder = _user_folder() if not named else Path(named).absolute()
-    if named == OFF or folder is None:
+    folder = program_folder()
+    if folder is None:
         return
     import jax
     from jax._src import compilation_cache
@@ -82,9 +81,9 @@ def keep_programs() -> None:
         compilation_cache, "get_file_cache"
     ):
         return
-    reason = _fault(folder)
+    reason = folder_fault(folder)
     if reason:
-        if named:
+        if named := os.environ.get(VARIABLE):
             LOG.warning("%s=%s: not used: %s", VARIABLE, named, reason)
         return
     compilation_cache.get_file_cache = lambda path: (Store(Path(path)), path)
@@ -138,15 +137,18 @@ def forget_with_programs(forget: Callable[[], object]) -> None:
     _FORGETTING.append(forget)
 
 
-def _user_folder() -> Path | None:
-    """Where programs keep what they can make again; ``None`` without a home."""
+def program_folder() -> Path | None:
+    """Where compiled programs are kept; ``None`` if that is switched off, or without a home."""
+    named = os.environ.get(VARIABLE)
+    if named:
+        return None if named == OFF else Path(named).absolute()
     usual = "Library/Caches" if sys.platform == "darwin" else ".cache"
     with suppress(RuntimeError):
         return user_folder("XDG_CACHE_HOME", usual) / "programs"
     return None
 
 
-def _fault(folder: Path) -> str:
+def folder_fault(folder: Path) -> str:
     """What is wrong with a folder, which is made where there is none; empty if nothing is."""
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)

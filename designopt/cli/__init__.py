@@ -45,6 +45,8 @@ def main() -> None:
     # Python's own handler would print a traceback just before and after what follows.
     if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
+    # Processes of ours are to import nothing from the folder that the command is started in.
+    os.environ.setdefault("PYTHONSAFEPATH", "1")
     code = INTERRUPTED
     with suppress(KeyboardInterrupt), interruptible():
         code = _run_with_streams(sys.argv[1:])
@@ -108,6 +110,9 @@ def _reported(error: BaseException) -> int:
     if isinstance(error, Interrupted):
         _say(f"interrupted; {error}")
         return INTERRUPTED
+    if clashes := _clashes_behind(error):
+        _say(f"error: {'; '.join(clashes)}")
+        return WRONG
     if isinstance(error, UserError):
         _say(f"error: {error}")
         return WRONG
@@ -129,6 +134,17 @@ def _reported(error: BaseException) -> int:
     else:
         _say(f"{what}; please report it with the traceback in {place}")
     return OUR_FAULT
+
+
+def _clashes_behind(error: BaseException) -> list[str]:
+    """Packages of ours that are not as installed, where that may be the reason of an error."""
+    cause = error.__cause__ if isinstance(error, UserError) else error
+    # A package of somebody else's lacks modules and names; what it has may do anything.
+    if not isinstance(cause, (ImportError, AttributeError, TypeError)):
+        return []
+    from designopt.installation import find_clashes
+
+    return find_clashes()
 
 
 def _say(message: str) -> None:

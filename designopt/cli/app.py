@@ -7,7 +7,7 @@ import inspect
 import logging
 import os
 from collections.abc import Callable, Iterator
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import Annotated, Any, cast
 
 import typer
@@ -16,8 +16,12 @@ from designopt import __version__
 from designopt.cli.verbosity import logging_to_terminal, set_verbosity
 from designopt.compilation_cache import NoCache
 from designopt.errors import UserError, reason_of
+from designopt.installation import PACKAGES, find_clashes
 
 COMMAND_GROUP = "designopt.commands"
+
+DOCTOR = "doctor"
+"""The command that finds what is wrong with an installation."""
 
 COMPLETION = "_DESIGNOPT_COMPLETE"
 """Of the environment: how a shell asks for completions (Typer's, from the command's name)."""
@@ -45,7 +49,9 @@ def invoke(arguments: list[str], check: Callable[[], None]) -> int:
         UserError: there is no such command, or it is called otherwise.
     """
     with logging_to_terminal():
-        command = typer.main.get_command(_app(check))
+        app, unloaded = _app(check)
+        _report_unloaded(unloaded, arguments)
+        command = typer.main.get_command(app)
         _accept_verbosity_after(command)
         if COMPLETION in os.environ:
             return command.main(arguments, prog_name="designopt")
@@ -61,7 +67,9 @@ def invoke(arguments: list[str], check: Callable[[], None]) -> int:
             ) from error
 
 
-def _app(check: Callable[[], None]) -> typer.Typer:
+def _app(check: Callable[[], None]) -> tuple[typer.Typer, dict[EntryPoint, Exception]]:
+    """All commands, and why some of them cannot be loaded."""
+    unloaded = {}
     app = typer.Typer(help="Design robot fingers that feel with a camera.", rich_markup_mode=None)
     app.callback()(_root)
     for point in sorted(entry_points(group=COMMAND_GROUP), key=lambda point: point.name):
@@ -69,7 +77,7 @@ def _app(check: Callable[[], None]) -> typer.Typer:
             command = point.load()
         except Exception as error:  # a plug-in is anyone's code; the other commands must not suffer
             check()
-            LOG.warning("command '%s' cannot be loaded: %s", point.name, reason_of(error))
+            unloaded[point] = error
             continue
         if isinstance(command, typer.Typer):
             for part in command.registered_commands:
@@ -77,7 +85,22 @@ def _app(check: Callable[[], None]) -> typer.Typer:
             app.add_typer(command, name=point.name)
         else:
             app.command(point.name, help=_help(command))(command)
-    return app
+    return app, unloaded
+
+
+def _report_unloaded(unloaded: dict[EntryPoint, Exception], arguments: list[str]) -> None:
+    """Warn of commands that cannot be loaded.
+
+    Raises:
+        UserError: another distribution has taken the place of a package of ours; ``doctor`` and
+            the options without a command work all the same.
+    """
+    command = next((word for word in arguments if not word.startswith("-")), DOCTOR)
+    if command != DOCTOR and any(point.module.split(".")[0] in PACKAGES for point in unloaded):
+        if clashes := find_clashes():
+            raise UserError("; ".join(clashes))
+    for point, error in unloaded.items():
+        LOG.warning("command '%s' cannot be loaded: %s", point.name, reason_of(error))
 
 
 def _accept_verbosity_after(root: Any) -> None:
