@@ -1,7 +1,7 @@
 """Whether what is imported is what this distribution installed.
 
-Its packages have plain names, and so have other distributions on the package index: pip installs two
-of them into one folder without a word, and the later one overwrites the files of the earlier one.
+Its packages have plain names, and so have other distributions on the package index: pip installs
+two of them into one folder without a word, and the later one overwrites files of the earlier one.
 """
 
 from __future__ import annotations
@@ -70,8 +70,8 @@ def _overwritten(package: str, others: Sequence[Distribution]) -> str:
         theirs = {_place(other, file) for file in _files(other, package)} & altered.keys()
         if theirs:
             return (
-                f"another installed distribution, {other.name} {other.version}, has overwritten the "
-                f"package '{package}' ({len(theirs)} of its files); {_cure(other)}"
+                f"another installed distribution, {other.name} {other.version}, has overwritten "
+                f"the package '{package}' ({len(theirs)} of its files); {_cure(other)}"
             )
     first = next(iter(altered.values()))
     return (

@@ -23,7 +23,7 @@ LOG_EVERY = 10.0
 
 
 class StepDisplay:
-    """``step`` and ``count`` of a `Context`: ``with display("Fitting"):`` shows a step and its time.
+    """``step`` and ``count`` of a `Context`: ``with display("Fitting"):`` shows it and its time.
 
     Args:
         bar: a started display on a terminal; without one there are only log records.

@@ -95,10 +95,12 @@ def _report_unloaded(unloaded: dict[EntryPoint, Exception], arguments: list[str]
         UserError: another distribution has taken the place of a package of ours; ``doctor`` and
             the options without a command work all the same.
     """
-    command = next((word for word in arguments if not word.startswith("-")), DOCTOR)
-    if command != DOCTOR and any(point.module.split(".")[0] in PACKAGES for point in unloaded):
-        if clashes := find_clashes():
-            raise UserError("; ".join(clashes))
+    command = next((word for word in arguments if not word.startswith("-")), None)
+    if command == DOCTOR:  # which names them itself
+        return
+    is_ours = any(point.module.split(".")[0] in PACKAGES for point in unloaded)
+    if is_ours and command is not None and (clashes := find_clashes()):
+        raise UserError("; ".join(clashes))
     for point, error in unloaded.items():
         LOG.warning("command '%s' cannot be loaded: %s", point.name, reason_of(error))
 

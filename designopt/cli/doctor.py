@@ -6,8 +6,14 @@ import math
 import os
 import platform
 from collections.abc import Callable, Iterator
-from importlib.metadata import entry_points, metadata, packages_distributions, requires, version
-from importlib.metadata import PackageNotFoundError
+from importlib.metadata import (
+    PackageNotFoundError,
+    entry_points,
+    metadata,
+    packages_distributions,
+    requires,
+    version,
+)
 from pathlib import Path
 from typing import NamedTuple
 
@@ -124,8 +130,8 @@ def check_jax() -> Iterator[Check]:
     if sine.dtype == jnp.float64 and error < 1e-15:
         yield Check(True, f"{place} computes in float64")
     else:
-        cure = "set JAX_PLATFORMS=cpu"
-        yield Check(False, f"{place} does not compute in float64 (sin 1 is off by {error:g}); {cure}")
+        fault = f"does not compute in float64 (sin 1 is off by {error:g})"
+        yield Check(False, f"{place} {fault}; set JAX_PLATFORMS=cpu")
 
 
 def check_opencv() -> Iterator[Check]:
@@ -173,6 +179,9 @@ def check_plug_ins() -> Iterator[Check]:
                 load_plug_in(point, f"plug-in of {group}")
             except UserError as error:
                 faults.append(str(error))
+    if faults and find_clashes():  # which are why, and have their cure
+        yield Check(False, f"{len(faults)} of {count} plug-ins cannot be loaded for that reason")
+        return
     for fault in faults:
         yield Check(False, fault)
     if not faults:
@@ -195,9 +204,9 @@ CHECKS: tuple[Callable[[], Iterator[Check]], ...] = (
     check_python,
     check_requirements,
     check_packages,
+    check_plug_ins,
     check_jax,
     check_opencv,
     check_cache,
-    check_plug_ins,
     check_completion,
 )

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from designopt.cli.completion import complete_setting, complete_study, complete_toml
 from designopt.cli.verbosity import is_quiet, is_verbose
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.errors import UserError
@@ -30,9 +31,20 @@ class Dtype(StrEnum):
     float32 = "float32"
 
 
+StudyName = Annotated[
+    str,
+    typer.Argument(
+        metavar="STUDY", help="Its name; see 'designopt list'.", autocompletion=complete_study
+    ),
+]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Change a setting; may be repeated."),
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Change a setting; may be repeated.",
+        autocompletion=complete_setting,
+    ),
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of every random draw.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result.")]
@@ -44,6 +56,7 @@ ConfigFiles = Annotated[
         metavar="FILE",
         help="Settings of the study, as 'designopt new STUDY' writes them, or the results.json of "
         "an earlier run; --set lies over them.",
+        autocompletion=complete_toml,
     ),
 ]
 """An option of commands that take a study; see `read_config`, which takes one file."""
@@ -51,7 +64,10 @@ ConfigFiles = Annotated[
 
 def list_studies(
     study: Annotated[
-        str | None, typer.Argument(metavar="[STUDY]", help="Show this study's settings.")
+        str | None,
+        typer.Argument(
+            metavar="[STUDY]", help="Show this study's settings.", autocompletion=complete_study
+        ),
     ] = None,
 ) -> None:
     """List the studies, or the settings of one.
@@ -76,7 +92,7 @@ def list_studies(
 
 
 def run_study(
-    study: Annotated[str, typer.Argument(metavar="STUDY", help="Its name; see 'designopt list'.")],
+    study: StudyName,
     settings: Settings = None,
     config: ConfigFiles = None,
     out: Annotated[

@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from designopt.cli.studies import ConfigFiles, Dtype, print_report_path
+from designopt.cli.completion import complete_setting
+from designopt.cli.studies import ConfigFiles, Dtype, StudyName, print_report_path
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.cores import usable_cores
 from designopt.errors import UserError
@@ -18,7 +19,7 @@ MOST_SHOWN = 20
 
 
 def sweep(
-    study: Annotated[str, typer.Argument(metavar="STUDY", help="Its name; see 'designopt list'.")],
+    study: StudyName,
     ranges: Annotated[
         list[str] | None,
         typer.Argument(
@@ -32,6 +33,7 @@ def sweep(
             metavar="KEY=START:STOP:COUNT",
             help="Values of a setting, both ends included, or KEY=VALUE,VALUE,…; may be repeated: "
             "all combinations, the last setting changing fastest.",
+            autocompletion=complete_setting,
         ),
     ] = None,
     sobol: Annotated[
@@ -46,7 +48,10 @@ def sweep(
     settings: Annotated[
         list[str] | None,
         typer.Option(
-            "--set", metavar="KEY=VALUE", help="A setting of all points; may be repeated."
+            "--set",
+            metavar="KEY=VALUE",
+            help="A setting of all points; may be repeated.",
+            autocompletion=complete_setting,
         ),
     ] = None,
     config: ConfigFiles = None,

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from designopt.cli.completion import complete_toml
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.errors import UserError
 from designopt.io.files import check_toml
@@ -16,7 +17,10 @@ LOG = logging.getLogger("designopt.solve")
 
 
 def solve(
-    file: Annotated[Path, typer.Argument(metavar="LINKAGE.toml", help="The linkage.")],
+    file: Annotated[
+        Path,
+        typer.Argument(metavar="LINKAGE.toml", help="The linkage.", autocompletion=complete_toml),
+    ],
     sweep: Annotated[
         list[str] | None,
         typer.Option(

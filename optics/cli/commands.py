@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from designopt.cli.completion import complete_toml
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.io.files import check_toml
 
@@ -15,7 +16,10 @@ LOG = logging.getLogger("designopt.trace")
 
 
 def trace(
-    file: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="The scene.")],
+    file: Annotated[
+        Path,
+        typer.Argument(metavar="SCENE.toml", help="The scene.", autocompletion=complete_toml),
+    ],
     pose: Annotated[
         list[str] | None,
         typer.Option(metavar="ANGLE=DEG,...", help="Joint angles, degrees; those not named are 0."),

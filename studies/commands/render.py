@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from designopt.cli.completion import complete_toml
 from designopt.cli.verbosity import is_quiet
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.io.files import check_new_folder, check_toml, printable
@@ -23,7 +24,12 @@ class Light(StrEnum):
 
 def render(
     file: Annotated[
-        Path, typer.Argument(metavar="FINGER.toml|SCENE.toml", help="The finger, or its scene.")
+        Path,
+        typer.Argument(
+            metavar="FINGER.toml|SCENE.toml",
+            help="The finger, or its scene.",
+            autocompletion=complete_toml,
+        ),
     ],
     out: Annotated[
         Path,

@@ -349,7 +349,7 @@ def _write_shots(
     folder: Path,
     count: Callable[[int, int], None],
 ) -> None:
-    """Write the pictures and the tables of their poses and contacts; ``count`` is `StepDisplay`'s."""
+    """Write the pictures and the tables of their poses and contacts, counting the pictures."""
     joints = [f"{joint}_deg" for joint in camera.scene.angle_names]
     frames: list[list[object]] = [["image", *joints]]
     touches: list[list[object]] = [["image", "pad", "along_mm", "across_mm", "diameter_mm"]]
