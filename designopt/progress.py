@@ -31,8 +31,6 @@ class StepDisplay:
 
     def __init__(self, bar: bars.Progress | None = None) -> None:
         self._bar = bar
-        self._count: Count | None = None
-        self._lock = threading.Lock()  # steps may run side by side
 
     @contextmanager
     def __call__(self, description: str) -> Iterator[None]:
@@ -45,18 +43,17 @@ class StepDisplay:
         if self._bar is not None and task is not None:
             self._bar.update(task, completed=1)
 
-    def count(self, done: int, total: int) -> None:
-        """Show how many are done of a known number, and the time left.
+    def count(self, total: int) -> Callable[[], None]:
+        """Show how many of so many are done, and the time left.
 
         Args:
-            done: how many are done; 0 begins a count.
-            total: of how many.
+            total: how many there are.
+
+        Returns:
+            What is called when one more is done.
         """
-        with self._lock:
-            if done == 0 or self._count is None:
-                self._count = Count(self._bar, "", total, done)
-            else:
-                self._count.update(done)
+        # Of a single one the step itself shows as much.
+        return Count(self._bar, "", total).advance if total > 1 else lambda: None
 
 
 class Count:
@@ -73,23 +70,24 @@ class Count:
         self._bar, self._what, self._total = bar, what, total
         self._before = self._done = done
         self._start = self._logged = time.perf_counter()
+        self._lock = threading.Lock()  # steps may run side by side
         self._task = None if bar is None else bar.add_task(self._text(""), total=1)
 
-    def update(self, done: int, note: str = "") -> None:
-        """Show that so many are done.
+    def advance(self, note: str = "") -> None:
+        """Show that one more is done.
 
         Args:
-            done: how many.
-            note: about them, such as how many have failed.
+            note: about all of them, such as how many have failed.
         """
-        self._done = done
-        text, now = self._text(note), time.perf_counter()
-        if now - self._logged >= LOG_EVERY:
-            self._logged = now
-            LOG.info("%s", text)
-        if self._bar is not None and self._task is not None:
-            is_last = done >= self._total
-            self._bar.update(self._task, description=text, completed=int(is_last))
+        with self._lock:
+            self._done += 1
+            text, now = self._text(note), time.perf_counter()
+            if now - self._logged >= LOG_EVERY:
+                self._logged = now
+                LOG.info("%s", text)
+            if self._bar is not None and self._task is not None:
+                is_last = self._done >= self._total
+                self._bar.update(self._task, description=text, completed=int(is_last))
 
     def _text(self, note: str) -> str:
         parts = [f"{self._done} of {self._total} {self._what}".rstrip() + " done"]
@@ -133,10 +131,9 @@ def point_display(
         count = Count(bar, "points", total, done)
 
         def show(has_failed: bool) -> None:
-            nonlocal done, failed
-            done += 1
+            nonlocal failed
             failed += has_failed
-            count.update(done, f"{failed} failed")
+            count.advance(f"{failed} failed")
 
         yield show
 
@@ -161,5 +158,6 @@ def _bar(console: Console | None) -> Iterator[bars.Progress | None]:
         return
     spinner = bars.SpinnerColumn(finished_text="✓")
     columns = (spinner, "{task.description}", bars.TimeElapsedColumn())
-    with bars.Progress(*columns, console=console) as bar:
+    # What is printed meanwhile is for standard output, wherever that goes.
+    with bars.Progress(*columns, console=console, redirect_stdout=False) as bar:
         yield bar

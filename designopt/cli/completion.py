@@ -12,6 +12,7 @@ from importlib.metadata import entry_points
 
 import typer
 
+
 def complete_study(incomplete: str) -> list[str]:
     """Names of studies."""
     # Named here: the study's own module loads pydantic.

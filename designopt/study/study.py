@@ -23,8 +23,9 @@ STUDY_GROUP = "designopt.studies"
 T = TypeVar("T")
 
 
-def _not_shown(done: int, total: int) -> None:
+def _not_shown(total: int) -> Callable[[], None]:
     """No display of how many are done."""
+    return lambda: None
 
 
 @dataclass(frozen=True)
@@ -35,13 +36,14 @@ class Context:
         seed: seed of every random draw.
         dtype: ``"float64"`` or ``"float32"``; JAX's default float type while the study runs.
         step: ``with step("Fitting"):`` shows what is being done while it lasts.
-        count: ``count(3, 12)`` shows that 3 of 12 are done, and the time left; see `each`.
+        count: ``done = count(12)`` shows how many of 12 are done, and the time left: ``done()`` is
+            called for each; see `each`.
     """
 
     seed: int
     dtype: str
     step: Callable[[str], AbstractContextManager[None]]
-    count: Callable[[int, int], None] = _not_shown
+    count: Callable[[int], Callable[[], None]] = _not_shown
 
     def each(self, items: Sequence[T], describe: Callable[[T], str]) -> Iterator[T]:
         """Go through items in a step each, and show how many are done and the time left.
@@ -55,22 +57,17 @@ class Context:
 
         Example:
             >>> from contextlib import nullcontext
-            >>> shown = lambda done, total: print(f"{done} of {total}")
-            >>> context = Context(0, "float64", lambda text: nullcontext(print(text)), shown)
-            >>> sizes = [size for size in context.each([3, 4], lambda size: f"{size} px")]
-            0 of 2
-            3 px
-            1 of 2
-            4 px
-            2 of 2
-            >>> sizes
-            [3, 4]
+            >>> context = Context(0, "float64", lambda text: nullcontext(print(text)))
+            >>> for size in context.each([480, 1080], lambda size: f"Images {size} px high"):
+            ...     assert size in (480, 1080)
+            Images 480 px high
+            Images 1080 px high
         """
-        self.count(0, len(items))
-        for number, item in enumerate(items):
+        done = self.count(len(items))
+        for item in items:
             with self.step(describe(item)):
                 yield item
-            self.count(number + 1, len(items))
+            done()
 
     def require_float64(self, why: str) -> None:
         """End a study that asks more of its numbers than float32 has.

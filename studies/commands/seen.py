@@ -20,6 +20,7 @@ from designopt.cli.verbosity import is_quiet
 from designopt.errors import Interrupted, UserError
 from designopt.io.files import check_new_folder, printable
 from designopt.io.spec_files import FORMAT
+from designopt.progress import step_display
 from designopt.study.result_folders import (
     cannot_write,
     check_replaceable,
@@ -167,7 +168,10 @@ def see_source(name: str, sensor_folder: Path, out: Path, asked: Asked) -> int:
         wait()
         if is_live:
             source = open_source(name, size=size)
-        session = Session(source, reader, out, asked, page)
+        steps = stack.enter_context(step_display())
+        total = len(source.paths) if isinstance(source, PictureFiles) else asked.frames
+        is_done = steps.count(total) if total and not asked.json else lambda: None
+        session = Session(source, reader, out, asked, page, is_done)
         was_interrupted = False
         try:
             try:
@@ -215,9 +219,16 @@ class Session:
     """
 
     def __init__(
-        self, source: Source, reader: Reader, out: Path, asked: Asked, page: LivePage | None
+        self,
+        source: Source,
+        reader: Reader,
+        out: Path,
+        asked: Asked,
+        page: LivePage | None,
+        is_done: Callable[[], None],
     ) -> None:
         self.counts = Counts()
+        self._is_done = is_done
         self._source, self._reader, self._out = source, reader, out
         self._asked, self._page = asked, page
         self._records: Records | None = None
@@ -247,6 +258,7 @@ class Session:
                         break
                     continue
                 self._take(arrival)
+                self._is_done()
                 if self.counts.read == self._asked.frames:
                     break
         if self._other_size:

@@ -168,7 +168,7 @@ def write_pictures(file: Path, asked: Asked, out: Path, *, force: bool) -> str:
         }
         try:
             with step(f"{len(shots)} pictures"):
-                _write_shots(shots, camera, asked.jpeg, folder, step.count)
+                _write_shots(shots, camera, asked.jpeg, folder, step.count(len(shots)))
             if errors is not None:
                 text = json.dumps(errors.table(scene), indent=1, ensure_ascii=False)
                 (folder / "truth.json").write_text(text + "\n", encoding="utf-8")
@@ -347,15 +347,14 @@ def _write_shots(
     camera: Renderer,
     jpeg: int | None,
     folder: Path,
-    count: Callable[[int, int], None],
+    is_done: Callable[[], None],
 ) -> None:
-    """Write the pictures and the tables of their poses and contacts, counting the pictures."""
+    """Write the pictures and the tables of their poses and contacts; each is reported as done."""
     joints = [f"{joint}_deg" for joint in camera.scene.angle_names]
     frames: list[list[object]] = [["image", *joints]]
     touches: list[list[object]] = [["image", "pad", "along_mm", "across_mm", "diameter_mm"]]
     digits, ending = max(3, len(str(len(shots) - 1))), "png" if jpeg is None else "jpg"
     for number, (pose, contacts) in enumerate(shots):
-        count(number, len(shots))
         imprints: dict[str, list[Imprint]] = {}
         for one in contacts:
             imprints.setdefault(one.pad, []).append(one.imprint())
@@ -364,7 +363,7 @@ def _write_shots(
         (folder / name).write_bytes(encode_picture(picture.pixels, jpeg))
         frames.append([name, *pose.tolist()])
         touches += [[name, *one[:4]] for one in contacts]
-    count(len(shots), len(shots))
+        is_done()
     for name, rows in (("frames.csv", frames), ("contacts.csv", touches)):
         if len(rows) > 1:
             (folder / name).write_text(csv_text(rows), encoding="utf-8", newline="")
