@@ -6,6 +6,7 @@ import math
 import shutil
 import sys
 import textwrap
+from collections.abc import Iterator, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -48,6 +49,9 @@ Settings = Annotated[
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of every random draw.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result.")]
+
+MOST_FINDINGS = 8
+"""Findings that are printed; the most important ones come first, and the report has all."""
 
 ConfigFiles = Annotated[
     list[Path] | None,
@@ -156,8 +160,10 @@ def print_report_path(folder: Path) -> None:
 
 def _summarize(results: Results, folder: Path) -> int:
     if not is_quiet():
-        for number, finding in enumerate(results.findings, 1):
+        for number, finding in enumerate(results.findings[:MOST_FINDINGS], 1):
             _print_wrapped(finding, f"{number:2}. ")
+        if (others := len(results.findings) - MOST_FINDINGS) > 0:
+            print(f"    {others} more in the report.")
         if is_verbose():
             _print_metrics(results)
         if results.waived:
@@ -167,15 +173,26 @@ def _summarize(results: Results, folder: Path) -> int:
     print_report_path(folder)
     if not results.unmet:
         return 0
-    print(f"targets missed: {'; '.join(map(_missed, results.unmet))}", file=sys.stderr)
+    print(f"targets missed: {'; '.join(_missed_in_words(results.metrics))}", file=sys.stderr)
     return 1
 
 
-def _missed(metric: Metric) -> str:
-    """A missed target in words: ``least coverage of any pad is 0.93, asked for 1``."""
-    value = f"{metric.value:.4g}" if math.isfinite(metric.value) else "not found"
-    unit = f" {metric.unit}" if metric.unit else ""
-    return f"{metric.description} is {value}{unit}, asked for {metric.target}{unit}"
+def _missed_in_words(metrics: Sequence[Metric]) -> Iterator[str]:
+    """Missed targets, such as ``least coverage of any pad: 0.93, asked for 1``.
+
+    A description may refer to an earlier one as "the same", which then stands beside it.
+    """
+    meant = ""
+    for metric in metrics:
+        words = metric.description
+        if "the same" in words:
+            words += f" ({meant})"
+        else:
+            meant = words
+        if metric.met is False:
+            value = f"{metric.value:.4g}" if math.isfinite(metric.value) else "not found"
+            unit = f" {metric.unit}" if metric.unit else ""
+            yield f"{words}: {value}{unit}, asked for {metric.target}{unit}"
 
 
 def _print_metrics(results: Results) -> None:

@@ -128,8 +128,9 @@ def _is_constant(column: Sequence[Value | None]) -> bool:
 
 def _in_words(metric: Metric, column: Sequence[Value | None]) -> str:
     """A constant metric and its value: ``reflections, 2``."""
-    value = next((f"{value:.6g}" for value in column if value is not None), "none")
-    return f"{metric.description or heading(metric.name)}, {value} {metric.unit}".rstrip()
+    words = metric.description or heading(metric.name)
+    found = next((value for value in column if value is not None), None)
+    return f"{words}, none" if found is None else f"{words}, {found:.6g} {metric.unit}".rstrip()
 
 
 def _extremes(columns: Columns, units: Mapping[str, str]) -> Table:
