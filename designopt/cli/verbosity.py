@@ -13,6 +13,9 @@ from designopt.errors import one_line
 LOGGER = logging.getLogger("designopt")
 PROGRESS = logging.getLogger("designopt.progress")
 
+NOTE = 25
+"""Level of what a command adds to its result, which is shown unless ``--quiet`` is given."""
+
 
 class _Handler(logging.StreamHandler[TextIO]):
     """Writes to what standard error is at the time: a progress display replaces it."""
@@ -55,7 +58,7 @@ def set_verbosity(verbose: int = 0, *, quiet: bool = False) -> None:
     if quiet:
         level = logging.ERROR
     else:
-        level = (logging.WARNING, logging.INFO, logging.DEBUG)[min(verbose, 2)]
+        level = (NOTE, logging.INFO, logging.DEBUG)[min(verbose, 2)]
     LOGGER.setLevel(level)
     is_piped = not sys.stderr.isatty()
     # A display on a terminal shows steps as they are done; a file needs lines.

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from designopt.cli.completion import complete_toml
+from designopt.cli.verbosity import NOTE
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.errors import UserError
 from designopt.io.files import check_toml
@@ -88,5 +89,5 @@ def solve(
     )
     remarks, assembled = solve_file(request)
     for line in remarks:
-        LOG.warning("%s", line)
+        LOG.log(NOTE, "%s", line)
     return 0 if assembled else 1

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from designopt.cli.completion import complete_toml
+from designopt.cli.verbosity import NOTE
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.io.files import check_toml
 
@@ -85,5 +86,5 @@ def trace(
         force=force,
     )
     for line in remarks:
-        LOG.warning("%s", line)
+        LOG.log(NOTE, "%s", line)
     return 0

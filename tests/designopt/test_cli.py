@@ -14,9 +14,10 @@ from typing import NoReturn
 import pytest
 
 from designopt import cli
-from designopt.cli import app
+from designopt.cli import app, studies
 from designopt.errors import Interrupted
 from designopt.study import study as study_module
+from designopt.study.results import Metric, Target
 from tests.commands import check_command_refused, finished, python, refused_cases
 from tests.designopt.plugin import points
 from tests.designopt.tables import cases
@@ -82,6 +83,19 @@ def test_a_missed_target_is_exit_code_1_with_its_results_kept(square, capsys):
     missed = r"targets missed: area: 16 mm², asked for 9 mm²\n"
     assert re.fullmatch(STEP + missed, capsys.readouterr().err)
     assert (square / "o/report.html").is_file()
+
+
+def test_a_missed_target_that_refers_to_an_earlier_number_names_it():
+    asked = Target("<=", 1.0)
+    metrics = [
+        Metric("median_mm", 0.5, "mm", "median error", None, asked),
+        Metric("p95_mm", 2.0, "mm", "95th percentile of the same", None, asked),
+        Metric("share", float("nan"), "", "share", None, asked),
+    ]
+    assert [*studies._missed_in_words(metrics)] == [
+        "95th percentile of the same (median error): 2 mm, asked for ≤ 1 mm",
+        "share: not found, asked for ≤ 1",
+    ]
 
 
 @pytest.mark.parametrize(("line", "words"), refused_cases("run"))

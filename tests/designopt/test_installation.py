@@ -95,7 +95,8 @@ def clashes(*path: Path) -> list[str]:
     script = (
         "import os, sys; from designopt.installation import find_clashes\n"
         f"ours = {[str(one) for one in path]}\n"
-        "sys.path = [one for one in sys.path if one in ours or not os.path.isdir(one + '/optics')]\n"
+        "other = lambda one: one not in ours and os.path.isdir(one + '/optics')\n"
+        "sys.path = [one for one in sys.path if not other(one)]\n"
         "print('\\n'.join(find_clashes()))"
     )
     done = python("-P", "-c", script, env=variables)
