@@ -55,10 +55,7 @@ def set_verbosity(verbose: int = 0, *, quiet: bool = False) -> None:
             INFO; 2, what is compiled, too.
         quiet: nothing but errors, and the place of the result.
     """
-    if quiet:
-        level = logging.ERROR
-    else:
-        level = (NOTE, logging.INFO, logging.DEBUG)[min(verbose, 2)]
+    level = logging.ERROR if quiet else (NOTE, logging.INFO, logging.DEBUG)[min(verbose, 2)]
     LOGGER.setLevel(level)
     is_piped = not sys.stderr.isatty()
     # A display on a terminal shows steps as they are done; a file needs lines.
