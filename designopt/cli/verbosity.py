@@ -28,8 +28,10 @@ class _Handler(logging.StreamHandler[TextIO]):
         return sys.stderr
 
     def format(self, record: logging.LogRecord) -> str:
-        prefix = f"{record.levelname.lower()}: " if record.levelno >= logging.WARNING else ""
-        return one_line(prefix + super().format(record))
+        text = super().format(record)
+        indent = " " * (len(text) - len(text.lstrip(" ")))  # of what belongs to the line before
+        prefix = f"{record.levelname.lower()}: " if record.levelno >= logging.WARNING else indent
+        return prefix + one_line(text)
 
 
 @contextmanager
