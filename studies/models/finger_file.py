@@ -250,7 +250,7 @@ def packaged_or_designed(
     if spec.model_dump(include=deciding) == type(spec)().model_dump(include=deciding):
         return packaged_finger()
     with step_display() as step:
-        return design(Context(0, "float64", step))
+        return design(Context(0, "float64", step, step.count))
 
 
 def parse_finger(tables: dict[str, Any], source: str, name: str = "finger") -> Finger:
