@@ -77,7 +77,7 @@ class SceneTable(Spec):
     format: Format = FORMAT
     """Version of the file's format."""
     bounces: Annotated[int, pydantic.Field(strict=True, ge=0, le=MOST_BOUNCES)] | None = None
-    """Most reflections of a path; by default as many as mirrors, at most 2 (2 with a curved one)."""
+    """Most reflections of a path; by default as many as mirrors, at most 2; with a curved one 2."""
 
 
 class LensTable(Spec):
