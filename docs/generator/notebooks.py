@@ -13,6 +13,7 @@ from typing import Any
 
 import nbformat
 from nbclient import NotebookClient
+from traitlets.config import Config
 
 SETTINGS = "DESIGNOPT_TUTORIALS"
 """Variable that the notebooks read: ``full`` for the settings a reader would use."""
@@ -37,8 +38,10 @@ def run_notebook(path: Path, *, full: bool) -> nbformat.NotebookNode:
     try:
         with tempfile.TemporaryDirectory() as folder:
             where = {"metadata": {"path": folder}}
+            # Sockets in the file system, which no other user can read, instead of ports.
+            settings = Config({"KernelManager": {"transport": "ipc"}})
             NotebookClient(
-                notebook, timeout=TIMEOUT, kernel_name="python3", resources=where
+                notebook, timeout=TIMEOUT, kernel_name="python3", resources=where, config=settings
             ).execute()
     finally:
         os.environ.clear()
