@@ -20,6 +20,7 @@ from docs.generator.links import faults
 from docs.generator.markup import math_to_mathml
 from docs.generator.measured import measured_page
 from docs.generator.notebooks import write_tutorials
+from docs.generator.pictures import write_pictures
 from docs.generator.settings import settings_page
 
 ROOT = Path(__file__).parents[2]
@@ -38,6 +39,7 @@ def write_sources(source: Path, *, run: bool, full: bool) -> None:
     (reference / "settings.md").write_text(settings_page(), encoding="utf-8")
     (reference / "commands.md").write_text(commands_page(), encoding="utf-8")
     write_api(source / "api")
+    write_pictures(source / "pictures")
     for topic in ("accuracy", "speed"):
         path = source / "measured" / f"{topic}.md"
         head = path.read_text(encoding="utf-8")
