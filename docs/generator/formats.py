@@ -88,7 +88,8 @@ FORMATS = (
         "`specs/finger.toml` of its result; `render`, `calibrate finger`, `explore`, `export` and "
         "`optimise` read it; in Python `studies.models.read_finger` and `write_finger`. The "
         "*requirements* from which a finger is designed are settings of the study `finger`: see "
-        "[Settings of studies](settings.md#finger).",
+        "[Settings of studies](settings.md#finger). The linkage of a *coupled* finger is one bar: "
+        "its `[pins]` are `P` at the proximal and `Q` at the distal phalanx, and `K` as below.",
         "models/finger.toml",
     ),
     FileFormat(
@@ -136,8 +137,10 @@ UNITS = (
 
 
 def words_of(model: type[Spec]) -> str:
-    """A model's docstring as Markdown."""
-    return docstring_text(inspect.cleandoc(model.__doc__ or ""))
+    """A model's docstring as Markdown, without the name of its table, which heads its section."""
+    text = docstring_text(inspect.cleandoc(model.__doc__ or ""))
+    text = re.sub(r"^`\[[^`]*`(: |; |\.$)", "", text)
+    return text[:1].upper() + text[1:]
 
 
 @cache
@@ -290,11 +293,9 @@ def format_page(file: FileFormat) -> str:
         lines = (files("studies") / file.example).read_text(encoding="utf-8")
         text += f'??? example "{file.example.rpartition("/")[2]}"\n\n'
         text += textwrap.indent(f"```toml\n{lines.strip()}\n```\n", "    ") + "\n"
+    text += table(HEAD, key_rows(model, "")) + "\n"
     for name, field in model.model_fields.items():
         key, parts = field.alias or name, list(tables_of(field.annotation))
-        if not parts:
-            rows = [row for row in key_rows(model, "") if row[0] == f"`{key}`"]
-            text += f"## `[{key}]` {{#{anchor(key)}}}\n\n{table(HEAD, rows)}\n"
         for part in parts:
             text += "".join(sections(part, key, heading(field.annotation, key)))
     return text

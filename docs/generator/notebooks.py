@@ -13,7 +13,6 @@ from typing import Any
 
 import nbformat
 from nbclient import NotebookClient
-from traitlets.config import Config
 
 SETTINGS = "DESIGNOPT_TUTORIALS"
 """Variable that the notebooks read: ``full`` for the settings a reader would use."""
@@ -23,6 +22,7 @@ TIMEOUT = 3600
 
 QUICK_TO_COMPILE = {
     "XLA_FLAGS": "--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1",
+    "JAX_DISABLE_MOST_OPTIMIZATIONS": "true",
 }
 """What small settings are compiled with: in two thirds of the time, as the tests are."""
 
@@ -42,12 +42,15 @@ def run_notebook(path: Path, *, full: bool) -> nbformat.NotebookNode:
     os.environ |= {SETTINGS: "full"} if full else {SETTINGS: "small", **QUICK_TO_COMPILE}
     try:
         with tempfile.TemporaryDirectory() as folder:
-            where = {"metadata": {"path": folder}}
-            # Sockets in the file system, which no other user can read, instead of ports.
-            settings = Config({"KernelManager": {"transport": "ipc"}})
-            NotebookClient(
-                notebook, timeout=TIMEOUT, kernel_name="python3", resources=where, config=settings
-            ).execute()
+            client = NotebookClient(
+                notebook,
+                timeout=TIMEOUT,
+                startup_timeout=TIMEOUT,
+                kernel_name="python3",
+                extra_arguments=["--log-level=ERROR"],
+                resources={"metadata": {"path": folder}},
+            )
+            client.execute()
     finally:
         os.environ.clear()
         os.environ.update(before)

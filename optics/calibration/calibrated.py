@@ -72,7 +72,7 @@ class LensTable(Spec):
     pixels: tuple[Pixels, Pixels]
     """Columns and rows of its images."""
     focal_px: Length
-    """Focal length, px/rad on the axis."""
+    """Focal length on the axis, px/rad."""
     principal_px: tuple[Number, Number]
     """Where the axis is imaged: column and row, px."""
     projection: Coefficients

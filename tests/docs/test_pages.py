@@ -67,8 +67,8 @@ def test_every_public_name_is_on_the_page_of_its_package():
 
 def test_links_that_lead_nowhere_are_found(tmp_path):
     (tmp_path / "a.html").write_text(
-        '<h1 id="top"></h1><a href="b.html#there"></a><a href="b.html#not"></a><a href="c.html"></a>'
-        '<a href="https://example.org/"></a><script src="https://example.org/x.js"></script>'
+        '<h1 id="top"></h1><a href="b.html#there"></a><a href="b.html#not"></a>'
+        '<a href="c.html"></a><a href="https://example.org/"></a><script src="https://example.org/x.js"></script>'
     )
     (tmp_path / "b.html").write_text('<p id="there"><a href="a.html#top"></a></p>')
     found = list(faults(tmp_path))
