@@ -41,7 +41,7 @@ RANGE_DEG = (0.0, 90.0)
 class LinkageExplorer(Explorer):
     """Inputs and distances of a linkage, as a person turns them."""
 
-    design: LinkageDesign
+    design: LinkageDesign  # pyright: ignore[reportIncompatibleVariableOverride]
 
     def __init__(self, design: DesignedLinkage) -> None:
         """Nothing is compiled before the joints are asked for, or a pose.

@@ -130,9 +130,7 @@ def track(axes: Axes, ends: Points, z: float) -> None:
     down = np.array([step[1], -step[0]]) / math.hypot(*step) * BLOCK[1] / 2 / 72
     figure: Any = axes.figure
     shift = ScaledTranslation(float(down[0]), float(down[1]), figure.dpi_scale_trans)
-    base = Line2D(
-        ends[:, 0], ends[:, 1], transform=axes.transData + shift, zorder=z, gid="track"
-    )
+    base = Line2D(ends[:, 0], ends[:, 1], transform=axes.transData + shift, zorder=z, gid="track")
     _hatch(axes, base)
 
 

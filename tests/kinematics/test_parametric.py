@@ -30,7 +30,12 @@ from tests.kinematics.gallery import (
     transmission_of,
 )
 
-NAMES = ("bodies.crank.O2-A", "bodies.coupler.A-B", "bodies.rocker.O4-B", "bodies.ground.O2-O4")
+NAMES: tuple[str, ...] = (
+    "bodies.crank.O2-A",
+    "bodies.coupler.A-B",
+    "bodies.rocker.O4-B",
+    "bodies.ground.O2-O4",
+)
 LENGTHS = 40.0, 120.0, 80.0, 100.0
 SHORT = dict(zip(NAMES, (40.0, 100.0, 90.0, 170.0), strict=True))
 """A four-bar whose crank locks."""
