@@ -7,13 +7,13 @@ from itertools import pairwise
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from optics.explore.chamber_bench import FIELDS, ChamberBench
+from optics.explore.chamber_improving import narrowest
 
 from designopt import UserError
 from optics import ChamberResult
 from optics.chamber.designed import DesignedChamber
 from optics.chamber.file import read_chamber
-from optics.explore.chamber_bench import FIELDS, ChamberBench
-from optics.explore.chamber_improving import narrowest
 from tests.helpers import figure_of, readings
 from tests.optics.chambers import PAPER
 

@@ -8,11 +8,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-
-from designopt.errors import UserError
 from optics.explore.scene_bench import SceneBench
 from optics.explore.scene_knobs import ParameterMap
 from optics.explore.scene_seeing import _coverage, _quickly, _views
+
+from designopt.errors import UserError
 from optics.plot.label_layout import Label, PlacedLabel, moved
 from optics.scene.designed import DesignedScene
 from optics.scene.file import SceneFile

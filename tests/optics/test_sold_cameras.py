@@ -530,6 +530,7 @@ def test_blur_in_poses_is_told_of_the_worst(tmp_path, capsys):
 
 def test_a_sold_lens_has_no_knob_for_its_field_of_view():
     from optics.explore.scene_knobs import ParameterMap
+
     from optics.scene.file import SceneFile
 
     keys = {"focal_length": 2.0, "projection": "equisolid", "lens": LENS, "module": MODULE}
