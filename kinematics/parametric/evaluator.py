@@ -23,6 +23,9 @@ from kinematics.solve.transmission import solve_poses_and_angles
 SAMPLES, FEW_SAMPLES = 121, 41
 """Of a sweep: every 3° of a full turn; fewer where every pose has to be followed."""
 
+AT_ONCE, FEW_AT_ONCE = 244, 64
+"""Poses of one run of the program: a pose, a sweep, and those by which a design is searched."""
+
 MOST_LIMITS = 6
 """The most limits that are located in one sweep."""
 
@@ -156,7 +159,7 @@ class PoseEvaluator:
         self.home = np.asarray(linkage.reference.inputs, float)
         self.turning = [part.slider is None for part in self.structure.inputs]
         self._bodies = [part.name for part in self.structure.bodies]
-        self._batch = 2 * self.samples
+        self._batch = FEW_AT_ONCE if self.iterated else AT_ONCE
 
     def solve(
         self, distances: Float[np.ndarray, " distances"], inputs: Float[np.ndarray, "poses inputs"]
