@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from designopt.errors import UserError
+from designopt.explore.explorer import View
 from optics import ChamberResult
 from optics.chamber.designed import DesignedChamber
 from optics.explore.chamber import ChamberExplorer
@@ -77,6 +78,7 @@ def test_the_sketch_is_the_file():
     explorer = ChamberExplorer(DesignedChamber("soft", PAPER))
     shown = explorer.show(explorer.values()).panels
     for early, late in zip(explorer.sketch(), shown, strict=False):
+        assert isinstance(late, View)
         assert early.name == late.name
         for one, other in zip(early.drawing.polylines, late.drawing.polylines, strict=True):
             np.testing.assert_allclose(one.places, other.places, rtol=1e-12, atol=1e-12)

@@ -53,7 +53,7 @@ def test_parameters_begin_at_the_design_and_measures_have_words():
     assert all(one.low < one.value < one.high for one in design.parameters)
     assert values["wall_angle_bc"] == pytest.approx(2.0, rel=ROUNDING)
     assert eq_1(values)[1] == pytest.approx(2.55, rel=ROUNDING)
-    assert set(design.free) < set(NAMES)
+    assert set(design.free or ()) < set(NAMES)
     where = {one.name: [one.where((index,)) for index in range(3)] for one in design.measures[:1]}
     assert where == {"ring": ["blue ring", "yellow ring", "top"]}
 
@@ -134,7 +134,7 @@ def test_the_narrowest_ring_becomes_the_widest_there_is():
     """Against all walls on a grid, by Eq. 1 written out."""
     design, values = parameters_of()
     values["imaging_ratio"] = 0.5
-    free = [NAMES.index(name) for name in design.free]
+    free = [NAMES.index(name) for name in design.free or ()]
     start = design.vector(values)
     low, high = (
         jnp.array([getattr(design.parameters[i], end) for i in free]) for end in ("low", "high")
@@ -149,7 +149,7 @@ def test_the_narrowest_ring_becomes_the_widest_there_is():
     starts = make_epigraph_starts(problem, start[jnp.array(free)][None])
     best = minimize(form, starts).best
     assert best.feasible
-    found = values | dict(zip(design.free, best.parameters.design.tolist(), strict=True))
+    found = values | dict(zip(design.free or (), best.parameters.design.tolist(), strict=True))
     judged = design.judge(found)
     reach = np.linspace(-4.1, 4.1, 83)
     b, c, d = np.meshgrid(reach, reach, reach, indexing="ij")

@@ -2,14 +2,16 @@
 
 import functools
 import tomllib
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from optics.explore.scene import COVERAGE, HIDDEN, SEEN, SceneExplorer, _coverage
-from optics.parametric.scene_measures import _views, quickly
+from designopt.explore.explorer import Chart, View
+from optics.explore.scene import COVERAGE, HIDDEN, SEEN, SceneExplorer
+from optics.parametric.scene_measures import _sight, quickly
 from optics.scene.designed import DesignedScene
 from optics.scene.reading import parse_scene
 from optics.visibility.coverage import find_coverage, find_views
@@ -24,13 +26,19 @@ def opened(name):
     return SceneExplorer(DesignedScene.read(SCENES / f"{name}.toml"))
 
 
-def readouts(state):
+def readouts(state) -> dict[str, Any]:
     return {one.name: one.value for one in state.readouts}
 
 
 def saved(explorer, values):
     (file,) = explorer.design.files(values)
     return parse_scene(tomllib.loads(file.content))
+
+
+def view_of(state):
+    panel = state.panels[0]
+    assert isinstance(panel, View)
+    return panel
 
 
 MOVED = {
@@ -69,7 +77,7 @@ def test_numbers_and_shapes_are_those_of_the_saved_scene(turned):
     pose = posed(scene, angles)
     shot = bounds(structure_of(scene.layout), fans_of([pose]), 4001, 1)
     inner, outer = shot.coverage[:, 0, 0]
-    view = state.panels[0]
+    view = view_of(state)
     mirrors = len(scene.layout.mirrors)
     for index, part in enumerate(scene.layout.pads):
         covered = found[f"{part.name}: coverage"]
@@ -101,7 +109,7 @@ def test_light_is_reflected_as_it_must_be():
     explorer = opened("finger")
     values, state = shown(explorer, {"pip": 20.0, "dip": 30.0})
     pose = posed(saved(explorer, values), np.radians([values["pip"], values["dip"]]))
-    drawing = state.panels[0].drawing
+    drawing = view_of(state).drawing
     layers = [layer for layer in drawing.layers if layer.kind == "view"]
     assert len({layer.color for layer in layers}) == len(layers) > 1
     count = 0
@@ -135,6 +143,7 @@ def test_the_chart_is_coverage_over_what_was_moved_last():
     for name, low, high in (("dip", 0.0, 90.0), ("camera.direction", -126.3, -66.3)):
         values[name] = low + 0.4 * (high - low)
         chart = explorer.show(values).panels[1]
+        assert isinstance(chart, Chart)
         assert chart.name == COVERAGE
         assert chart.at == pytest.approx(values[name])
         for index, series in enumerate(chart.series):
@@ -149,13 +158,14 @@ def test_turning_compiles_nothing_anew():
     explorer = opened("finger")
     values = explorer.values()
     explorer.show(values)
-    programs = [quickly(function) for function in (_views, _coverage)]
-    before = [program._cache_size() for program in programs]
+    program, curve = quickly(_sight), explorer._program
+    before = program._cache_size()
     names = [panel.name for panel in explorer.show(values).panels]
     for one in (*explorer.joints, *explorer.design.parameters):
         state = explorer.show({**values, one.name: 0.3 * one.low + 0.7 * one.high})
         assert [panel.name for panel in state.panels] == names
-    assert [program._cache_size() for program in programs] == before
+    assert program._cache_size() == before
+    assert explorer._program is curve
 
 
 def test_a_scene_that_cannot_be_leaves_the_picture():
