@@ -297,8 +297,8 @@ class SceneParameters(ParametricDesign):
                 "mm",
                 "length of the longest mirror",
                 "greatest",
-                _reach(design),
-                lambda index: mirrors[index[0]],
+                scale=_reach(design),
+                where=lambda index: mirrors[index[0]],
             )
 
     def _pose(self, index: int) -> str:
