@@ -320,6 +320,11 @@ def _with_light(
         layer = SEEN if covered else HIDDEN
         text = f"{line.name}, {covered:.3g} % seen" if covered else f"{line.name}, not seen"
         labels.append(Label(layer, _along(line.places, (0.5, 0.5))[0], text))
+    for layer in light:
+        # Paths do not differ by color alone: each is named in the middle of what it shows last.
+        places = [line.places for line in outlines if line.layer == layer.name][-1]
+        x, y = (sum(axis) / len(places) for axis in zip(*places, strict=True))
+        labels.append(Label(layer.name, (x, y), layer.name))
     others = [layer for layer in drawing.layers if layer.name != "pads"]
     parted = [Layer(name, "pad", color=color) for name, color in COLORS.items()]
     return drawing._replace(

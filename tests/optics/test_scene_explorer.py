@@ -112,6 +112,7 @@ def test_light_is_reflected_as_it_must_be():
     drawing = view_of(state).drawing
     layers = [layer for layer in drawing.layers if layer.kind == "view"]
     assert len({layer.color for layer in layers}) == len(layers) > 1
+    assert {layer.name for layer in layers} <= {label.text for label in drawing.labels}
     count = 0
     for layer in layers:
         outlines = [
