@@ -25,7 +25,6 @@ from optics.parametric.scene_measures import (
     find_module_room,
     find_resolution,
     find_worst_blur,
-    missed_by,
     see,
     sharpness_of,
     signed_coverage,
@@ -210,7 +209,8 @@ class SceneParameters(ParametricDesign):
 
     def scene(self, values: Values) -> Scene:
         """The scene with these values."""
-        return _arranged(self._design.scene, self.vector(values))
+        numbers = np.array([values[parameter.name] for parameter in self.parameters])
+        return _arranged(self._design.scene, numbers)
 
     def tables(self, values: Values) -> dict[str, Any]:
         """The tables of the scene file with these values.
@@ -218,7 +218,11 @@ class SceneParameters(ParametricDesign):
         Raises:
             UserError: these values describe no scene, and why.
         """
-        tables = scene_tables(self.scene(values))
+        return self.tables_of(self.scene(values))
+
+    def tables_of(self, scene: Scene) -> dict[str, Any]:
+        """As `tables`, of a scene of these parameters."""
+        tables = scene_tables(scene)
         lens = self._design.file.camera.lens
         if lens is not None:
             # No value turns it, and of the scene its numbers would come back with rounding.
@@ -235,8 +239,8 @@ class SceneParameters(ParametricDesign):
     def _judged(self, values: Values, of: tuple[str, ...]) -> dict[str, float]:
         """Measures over the poses of a judgement."""
         scene, poses = self.scene(values), self._more_poses
-        found, coverage, _ = see(scene, poses)
-        hidden = np.where(coverage > 0, coverage, -np.asarray(missed_by(found)))
+        found, coverage, _, missed = see(scene, poses)
+        hidden = np.where(coverage > 0, coverage, -missed)
         arrays: dict[str, np.ndarray] = {"coverage": hidden}
         kinds = {name.partition(".")[0] for name in of}
         if kinds & {"px_per_mm", "blur"}:
@@ -293,8 +297,8 @@ class SceneParameters(ParametricDesign):
                 "mm",
                 "length of the longest mirror",
                 "greatest",
-                _reach(design),
-                lambda index: mirrors[index[0]],
+                scale=_reach(design),
+                where=lambda index: mirrors[index[0]],
             )
 
     def _pose(self, index: int) -> str:
