@@ -6,7 +6,7 @@ import logging
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TextIO
+from typing import Any
 
 from designopt.errors import one_line
 
@@ -17,14 +17,14 @@ NOTE = 25
 """Level of what a command adds to its result, which is shown unless ``--quiet`` is given."""
 
 
-class _Handler(logging.StreamHandler[TextIO]):
+class _Handler(logging.StreamHandler[Any]):
     """Writes to what standard error is at the time: a progress display replaces it."""
 
     def __init__(self) -> None:
         logging.Handler.__init__(self)
 
     @property
-    def stream(self) -> TextIO:  # type: ignore[override]
+    def stream(self) -> Any:  # type: ignore[override]
         return sys.stderr
 
     def format(self, record: logging.LogRecord) -> str:

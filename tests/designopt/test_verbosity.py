@@ -48,7 +48,7 @@ def test_verbose_shows_steps_and_all_numbers(capsys, line):
 
 @pytest.mark.usefixtures("square")
 def test_twice_verbose_shows_beginnings_too(capsys):
-    assert cli.run(f"{RUN} -vv".split()) == 0
+    assert cli.run([*RUN.split(), "-vv"]) == 0
     assert "Squaring ...\nSquaring: " in capsys.readouterr().err
 
 
