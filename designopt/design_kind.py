@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from designopt.errors import UserError, load_plug_in
@@ -16,6 +17,11 @@ from designopt.export.parts import Assembly
 from designopt.optimize.parametric import ParametricDesign
 
 DESIGN_GROUP = "designopt.designs"
+
+Ranges = Mapping[str, tuple[float, float]]
+"""Least and greatest values by the names of joints or inputs, degrees or mm."""
+
+NO_RANGES: Ranges = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -35,7 +41,9 @@ class DesignKind:
         quantities: every number of it.
         mjcf: the text of a MuJoCo model of it; ``None`` where nothing of it moves.
         assembly: it as parts to make; ``None`` where it has no width.
-        parametric: it as named numbers that can be optimised; ``None`` where nothing of it can.
+        parametric: it as named numbers that can be optimised, in postures between the given ends
+            of its joints or inputs (degrees or mm; the others have their own); ``None`` where
+            nothing of it can.
         command: what computes something of such a file, for messages.
         shared: tables of other kinds that files of this kind have as well.
     """
@@ -48,7 +56,7 @@ class DesignKind:
     quantities: Callable[[Any], Sequence[Quantity]]
     mjcf: Callable[[Any], str] | None = None
     assembly: Callable[[Any], Assembly] | None = None
-    parametric: Callable[[Any], ParametricDesign] | None = None
+    parametric: Callable[[Any, Ranges], ParametricDesign] | None = None
     command: str = "designopt explore"
     shared: tuple[str, ...] = ()
 
@@ -69,15 +77,18 @@ class Design:
         """It with its knobs, for ``designopt explore``."""
         return self.kind.explorer(self.model)
 
-    def parametric(self) -> ParametricDesign:
+    def parametric(self, over: Ranges = NO_RANGES) -> ParametricDesign:
         """It as named numbers that can be optimised.
 
+        Args:
+            over: ends of joints or inputs, as in `DesignKind`.
+
         Raises:
-            UserError: nothing of it can.
+            UserError: nothing of it can, or there is no such joint.
         """
         if self.kind.parametric is None:
             raise UserError(f"{self.name}: a {self.kind.name} has nothing that can be optimised")
-        return self.kind.parametric(self.model)
+        return self.kind.parametric(self.model, over)
 
     def drawing(self) -> Drawing:
         """It drawn to scale in its reference pose."""

@@ -104,7 +104,7 @@ def run_study(
     from designopt.study.runner import run
 
     results = run(chosen, spec, seed=seed, dtype=dtype.value, out=folder, force=force)
-    return _summarize(results, folder)
+    return summarize(results, folder)
 
 
 def _print_settings(study: Study) -> None:
@@ -130,7 +130,8 @@ def _print_settings(study: Study) -> None:
     _print(table, least=longest + 46)
 
 
-def _summarize(results: Results, folder: Path) -> int:
+def summarize(results: Results, folder: Path) -> int:
+    """Print what a run found and where it is, and return the exit code."""
     from rich import box
     from rich.table import Table
 
