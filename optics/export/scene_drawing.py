@@ -1,4 +1,4 @@
-"""An optical scene as a drawing to build from, and its numbers, in the reference pose."""
+"""An optical scene as a drawing to scale, in any pose, what is seen in it, and its numbers."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from designopt.export.drawing import (
     Circle,
@@ -23,19 +24,24 @@ from designopt.export.drawing import (
 )
 from designopt.export.json import Quantity
 from designopt.io.files import printable
+from designopt.solution import Solution
 from designopt.vectors import vector
-from optics.plot.layer_section import LayerSection
-from optics.plot.section import Section
-from optics.scene.camera_module import LINES, NAME
-from optics.scene.file import FIXED, CameraTable, LayerTable, MirrorTable, PadTable, SurfaceTable
-from optics.scene.reading import LEAST_TRANSMISSION, SIDES
+from optics.plot.section import Angles, Section, rays_to
+from optics.scene.camera_module import NAME
+from optics.scene.file import CameraTable, LayerTable, PadTable, SurfaceTable
+from optics.scene.reading import LEAST_TRANSMISSION
+from optics.scene.scene import WORLD, Scene, Surface
 from optics.visibility.curves import arc_between
+from optics.visibility.views import Pieces, name_paths
 
 if TYPE_CHECKING:
     from optics.scene.designed import DesignedScene
 
-HINGES, SHEETS = "hinges", "layers"
-"""Layers of the hinges, and of the layers and bezels of pads."""
+HINGES, SHEETS, CAMERA, FIELD = "hinges", "layers", "camera", "field of view"
+"""Layers of the hinges, of the layers and bezels of pads, of the camera with its optical axis, and
+of the edges of its field of view."""
+
+BEZEL = "bezel"
 
 CHORD = 1e-3
 """A curved mirror's line of chords is nowhere so far from it, mm; nor by a tenth of this part of
@@ -45,14 +51,33 @@ FINEST = 2**16
 """Most chords of a mirror: of one km long they keep the distance."""
 
 DECIMALS = 9
-"""Of the corners of layers, mm."""
+"""Of places, mm: without the rounding of a placed scene 5 mm stay 5 mm."""
+
+PATHS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
+"""Colours of what is seen by the paths, in turn."""
+
+EDGES, WITHIN_CURVED = 2, 17
+"""Rays that bound what is seen of a piece: those to its ends; by curved mirrors more between."""
 
 SIGHT, SIGN = 0.35, 0.01
 """Length of the lines of sight, and radius of circles, as parts of the drawing's diagonal."""
 
 
 def make_scene_drawing(design: DesignedScene, *, pose: bool = True) -> Drawing:
-    """The drawing of a scene in its reference pose.
+    """The drawing of a scene in its reference pose, by `draw_scene`.
+
+    Args:
+        design: the scene.
+        pose: whether a note names the pose.
+    """
+    scene = design.scene
+    drawing = draw_scene(scene, np.zeros(len(scene.angle_names)), title=design.name)
+    far = not all(layer.framed for layer in drawing.layers if layer.name == CAMERA)
+    return drawing._replace(notes=_notes(design, far, pose=pose))
+
+
+def draw_scene(scene: Scene, angles: Angles, *, title: str = "") -> Drawing:
+    """The drawing of a scene in a pose.
 
     Mirrors, pads, blockers, the pads' layers with their bezels, hinges, the camera with its optical
     axis and the edges of its field of view have layers of their own. Dimensions are the lengths of
@@ -60,78 +85,119 @@ def make_scene_drawing(design: DesignedScene, *, pose: bool = True) -> Drawing:
     move, from the camera (to one far away they are left out) or from a hinge, if that moves.
 
     Args:
-        design: the scene.
-        pose: whether a note names the pose.
+        scene: the scene.
+        angles: joint angles in the order of ``scene.angle_names``, rad.
+        title: of the drawing; the scene's name by default.
     """
-    file = design.file
-    kinds: dict[str, tuple[Kind, Sequence[SurfaceTable]]] = {
-        "mirrors": ("mirror", file.mirrors),
-        "pads": ("pad", file.pads),
-        "blockers": ("blocker", file.blockers),
+    layout, section = scene.layout, Section.of(scene, angles)
+    designed = np.asarray(scene.surface_ends, float)
+    coats = _coats(scene, section)
+    first = len(layout.mirrors)
+    pads = [
+        _places(section.pad(scene, index), designed[first + index])
+        for index in range(len(layout.pads))
+    ]
+    parts = len(layout.mirrors) + len(layout.pads)
+    others = parts + len(layout.blockers)
+    rest = slice(parts, others + len(layout.module))
+    dark = list(map(_places, section.lines[rest], designed[rest]))
+    blockers, module = dark[: others - parts], dark[others - parts :]
+    (camera,) = _places(section.camera[None], np.asarray(scene.camera.position)[None])
+    hinges = _places(section.hinges, scene.hinges)
+    near = Section(section.camera, 0.0, section.lines[:others], section.hinges)
+    far = near.far_camera() is not None
+    diagonal = math.hypot(*np.ptp(near.places(), axis=0))
+
+    polylines, labels, layers = [], [], []
+    kinds: dict[str, tuple[Kind, Sequence[Surface], Sequence[Sequence[Place]]]] = {
+        "mirrors": ("mirror", layout.mirrors, coats),
+        "pads": ("pad", layout.pads, pads),
+        "blockers": ("blocker", layout.blockers, blockers),
     }
-    polylines, labels, measures, layers = [], [], [], []
-    for layer, (kind, parts) in kinds.items():
-        if parts:
+    for layer, (kind, surfaces, lines) in kinds.items():
+        if surfaces:
             layers.append(Layer(layer, kind))
-        for part in parts:
-            places = _places(part)
-            polylines.append(Polyline(layer, places))
+        for part, places in zip(surfaces, lines, strict=True):
             text = part.name if kind == "blocker" else f"{part.name} {kind}"
+            polylines.append(Polyline(layer, places, name=text))
             labels.append(Label(layer, _middle(places), text))
-    if design.scene.layers is not None or design.scene.mirror_layers is not None:
+    if scene.layers is not None or scene.mirror_layers is not None:
         layers.append(Layer(SHEETS, "body"))
-    for mirror in file.mirrors:
-        if mirror.layers:
-            outline = _sheet(mirror)
-            polylines.append(Polyline(SHEETS, outline, closed=True))
-            count = len(mirror.layers)
-            text = f"{mirror.name} mirror: {count} layer{'s' if count > 1 else ''}"
-            labels.append(Label(SHEETS, _middle(outline[2:]), text))
-    if design.scene.layers is not None:
-        for pad, stack in zip(file.pads, _stacks(design), strict=True):
-            if stack is None:
-                continue
-            outlines = [_rounded(part) for part in (*stack.layers, *stack.bezel)]
-            polylines += [Polyline(SHEETS, places, closed=True) for places in outlines]
-            count = len(stack.layers)
-            text = f"{pad.name}: {count} layer{'s' if count > 1 else ''}"
-            labels.append(Label(SHEETS, _middle(outlines[0][2:]), text))
-            labels += [Label(SHEETS, _middle(part[1:3]), "bezel") for part in outlines[count:]]
-    for part in (*file.mirrors, *file.pads):
-        measures.append(LinearDimension(part.start, part.end))
-    diagonal, far = _extent(design)
-    for part in file.mirrors:
-        base = _base(design, part.body)
-        if not (far and part.body == FIXED):
-            measures += [
-                LinearDimension(base, end) for end in (part.start, part.end) if end != base
-            ]
+    for outline, text, name in _sheets(scene, section, coats):
+        polylines.append(Polyline(SHEETS, outline, closed=True, name=name))
+        if text:
+            labels.append(
+                Label(SHEETS, _middle(outline[1:3] if text == BEZEL else outline[2:]), text)
+            )
+    measures = [LinearDimension(line[0], line[-1]) for line in (*coats, *pads)]
+    for part, line in zip(layout.mirrors, coats, strict=True):
+        base = hinges[part.frame] if part.frame != WORLD else camera
+        if part.frame == WORLD and layout.camera_frame != WORLD:
+            # The camera moves: a hinge of what does not move is near.
+            base = next(
+                hinge
+                for frame, hinge in zip(layout.frames, hinges, strict=True)
+                if frame.parent == WORLD
+            )
+        if not (far and part.frame == WORLD):
+            measures += [LinearDimension(base, end) for end in (line[0], line[-1]) if end != base]
     radius = round_down(SIGN * diagonal)
     circles = []
-    if file.frames:
+    if layout.frames:
         layers.append(Layer(HINGES, "construction"))
-    for name, frame in file.frames.items():
-        circles.append(Circle(HINGES, name, frame.hinge, radius))
-        labels.append(Label(HINGES, frame.hinge, f"hinge {name}"))
-    layers += [Layer("camera", "camera", framed=not far)]
-    layers += [Layer("field of view", "construction", framed=False)]
-    circles.append(Circle("camera", "camera", file.camera.position, radius))
-    labels.append(Label("camera", file.camera.position, "camera"))
-    polylines += _lines_of_sight(file.camera, SIGHT * diagonal)
-    if file.camera.module is not None:
+    for frame, hinge in zip(layout.frames, hinges, strict=True):
+        circles.append(Circle(HINGES, frame.name, hinge, radius))
+        labels.append(Label(HINGES, hinge, f"hinge {frame.name}"))
+    layers += [Layer(CAMERA, "camera", framed=not far)]
+    layers += [Layer(FIELD, "construction", framed=False)]
+    circles.append(Circle(CAMERA, "camera", camera, radius))
+    labels.append(Label(CAMERA, camera, "camera"))
+    half = float(scene.camera.field_of_view) / 2
+    polylines += _lines_of_sight(camera, section.axis, half, SIGHT * diagonal)
+    if module:
         layers.append(Layer(NAME, "blocker", framed=not far))
-        for (x, y), end in np.asarray(design.scene.surface_ends, float)[-LINES:].tolist():
-            polylines.append(Polyline(NAME, [(x, y), (end[0], end[1])]))
+        polylines += [Polyline(NAME, line) for line in module]
     return Drawing(
-        title=printable(design.name),
+        title=printable(title or layout.name),
         layers=layers,
         polylines=polylines,
         circles=circles,
         labels=labels,
         # Two mirrors may begin in one corner.
         dimensions=list(dict.fromkeys(measures)),
-        notes=_notes(design, far, pose=pose),
     )
+
+
+def draw_views(
+    scene: Scene, angles: Angles, views: Solution[Pieces]
+) -> tuple[list[Layer], list[Polyline]]:
+    """What is seen of a scene in a pose: the light that reaches the camera, as filled outlines.
+
+    Args:
+        scene: the scene.
+        angles: joint angles in the order of ``scene.angle_names``, rad.
+        views: what is seen in this pose, unbatched, by `find_views` or `trace_views`.
+
+    Returns:
+        A layer of kind ``"view"`` for every path by which anything is seen, named as the path, and
+        for every piece of a pad that it shows an outline from the camera to the first mirror, one
+        from each mirror to the next, and one to the pad, each named as the pad.
+    """
+    layout, section = scene.layout, Section.of(scene, angles)
+    names = name_paths(layout, views.value.spans.shape[-2])
+    pieces = jax.tree.map(np.asarray, views.value)
+    rays = EDGES if not layout.curved else WITHIN_CURVED
+    layers, polylines = dict[int, Layer](), []
+    for path, pad, lines in rays_to(scene, angles, section, pieces, rays):
+        color = PATHS[path % len(PATHS)]
+        layers.setdefault(path, Layer(names[path], "view", framed=False, color=color))
+        for leg in range(min(map(len, lines)) - 1):
+            first, last = ([line[at] for line in lines] for at in (leg, leg + 1))
+            outline = dict.fromkeys(_places(np.array([*first, *reversed(last)])))
+            polylines.append(
+                Polyline(names[path], [*outline], closed=True, name=f"{layout.pads[pad].name} pad")
+            )
+    return [layers[path] for path in sorted(layers)], polylines
 
 
 def scene_quantities(design: DesignedScene) -> list[Quantity]:
@@ -231,23 +297,48 @@ def _place_quantities(name: str, place: Place) -> Iterator[Quantity]:
         yield Quantity(f"{name}.{axis}", value, "mm")
 
 
-def _places(part: SurfaceTable) -> list[Place]:
-    """A surface's ends, or places along its curve."""
-    if not isinstance(part, MirrorTable) or part.radius is None:
-        return [part.start, part.end]
-    start, end = (vector(jnp.asarray(place, float)) for place in (part.start, part.end))
-    arc = arc_between(
-        start, end, jnp.asarray(part.radius, float), jnp.asarray(part.conic or 0.0, float)
-    )
-    allowed, count = min(CHORD, 0.1 * CHORD * math.dist(part.start, part.end)), 16
+def _coats(scene: Scene, section: Section) -> list[list[Place]]:
+    """Every mirror's ends, or places along its curve; of one with layers those of the coat."""
+    layout, coats = scene.layout, []
+    first = len(layout.mirrors + layout.pads + layout.blockers + layout.module)
+    sheets = iter(section.lines[first : first + len(layout.sheet_ends)])
+    for index, (line, designed) in enumerate(
+        zip(section.lines, np.asarray(scene.mirrors, float), strict=False)
+    ):
+        if layout.sheets and layout.sheets[index]:
+            line = np.array([next(sheets)[0], next(sheets)[0]])
+        ends = _places(line[[0, -1]], designed)
+        if index in layout.curved:
+            curved = layout.curved.index(index)
+            inner = _curve(ends, scene.radii[curved], scene.conics[curved])
+            ends[1:1] = [(x, y) for x, y in inner.tolist()]
+        coats.append(ends)
+    return coats
+
+
+def _curve(
+    ends: Sequence[Place], radius: Float[Array, ""], conic: Float[Array, ""]
+) -> Float[np.ndarray, "places 2"]:
+    """Places along a curved mirror, between its ends."""
+    length = math.dist(*ends)
+    allowed, count = min(CHORD, 0.1 * CHORD * length), 16
     while True:
         # Where a curve is steep against its chord, at its ends, places lie closer.
         parts = (1 - np.cos(np.pi * np.linspace(0, 1, 2 * count + 1))) / 2
-        places = np.asarray(arc.place(jnp.asarray(parts)).stacked(), float)
+        places = np.asarray(_on_arc(jnp.array(ends), radius, conic, jnp.asarray(parts)), float)
         if count >= FINEST or _off_chords(places) < allowed:
-            inner = [(x, y) for x, y in places[2:-1:2].tolist()]
-            return [part.start, *inner, part.end]
+            return places[2:-1:2]
         count *= 2
+
+
+@jax.jit
+def _on_arc(
+    ends: Float[Array, "2 2"],
+    radius: Float[Array, ""],
+    conic: Float[Array, ""],
+    parts: Float[Array, " places"],
+) -> Float[Array, "places 2"]:
+    return arc_between(vector(ends[0]), vector(ends[1]), radius, conic).place(parts).stacked()
 
 
 def _off_chords(places: Float[np.ndarray, "places 2"]) -> float:
@@ -257,23 +348,41 @@ def _off_chords(places: Float[np.ndarray, "places 2"]) -> float:
     return float(np.max(np.abs(across) / np.hypot(*chords.T)))
 
 
-def _stacks(design: DesignedScene) -> Sequence[LayerSection | None]:
-    """The layers of all pads in the reference pose."""
-    return Section.of(design.scene, np.zeros(len(design.scene.angle_names))).stacks
+def _sheets(
+    scene: Scene, section: Section, coats: Sequence[Sequence[Place]]
+) -> Iterator[tuple[list[Place], str, str]]:
+    """Outlines of layers and bezels, each with its label, if it has one, and its name."""
+    layout = scene.layout
+    for mirror, count, coat, front in zip(
+        layout.mirrors, layout.sheets, coats, section.lines, strict=False
+    ):
+        if count:
+            name = f"{mirror.name} mirror"
+            yield [*coat, *_places(front[::-1])], f"{name}: {_counted(count)}", name
+    for pad, stack in zip(layout.pads, section.stacks, strict=True):
+        if stack is None:
+            continue
+        text = f"{pad.name}: {_counted(len(stack.layers))}"
+        for number, outline in enumerate(stack.layers, start=1):
+            yield _places(outline), text if number == 1 else "", f"{pad.name} pad, layer {number}"
+        for outline in stack.bezel:
+            yield _places(outline), BEZEL, f"{pad.name} pad, {BEZEL}"
 
 
-def _sheet(mirror: MirrorTable) -> list[Place]:
-    """Outline of a mirror's layers: the ends of the coat, and back along the front."""
-    ends = np.array([mirror.start, mirror.end])
-    along = (ends[1] - ends[0]) / math.dist(*ends)
-    normal = SIDES[mirror.side] * np.array([-along[1], along[0]])
-    front = ends[::-1] + sum(layer.thickness for layer in mirror.layers) * normal
-    return _rounded(np.vstack([ends, front]))
+def _counted(count: int) -> str:
+    return f"{count} layer{'s' if count > 1 else ''}"
 
 
-def _rounded(outline: Float[np.ndarray, "corners 2"]) -> list[Place]:
-    """Corners without the rounding of a placed scene, so that 5 mm stay 5 mm."""
-    return [(x, y) for x, y in (np.round(outline, DECIMALS) + 0.0).tolist()]
+def _places(
+    places: Float[np.ndarray, "places 2"],
+    designed: Float[Array | np.ndarray, "places 2"] | None = None,
+) -> list[Place]:
+    """Places in the pose; those that are where they are in the file have its numbers."""
+    found = np.round(places, DECIMALS) + 0.0
+    if designed is not None:
+        there = np.asarray(designed, float)
+        found = np.where(np.abs(places - there) < 10.0**-DECIMALS, there, found)
+    return [(x, y) for x, y in found.tolist()]
 
 
 def _middle(places: Sequence[Place]) -> Place:
@@ -282,37 +391,14 @@ def _middle(places: Sequence[Place]) -> Place:
     return (first[0] + second[0]) / 2, (first[1] + second[1]) / 2
 
 
-def _base(design: DesignedScene, frame: str) -> Place:
-    """From where a mirror that moves with a frame is measured."""
-    file = design.file
-    if frame != FIXED:
-        return file.frames[frame].hinge
-    if file.camera.body == FIXED:
-        return file.camera.position
-    # The camera moves: a hinge of what does not move is near.
-    return next(one.hinge for one in file.frames.values() if one.parent == FIXED)
-
-
-def _extent(design: DesignedScene) -> tuple[float, bool]:
-    """The diagonal of all that is near together, mm, and whether the camera is far from it."""
-    file = design.file
-    lines = [np.array(_places(part)) for part in (*file.mirrors, *file.pads, *file.blockers)]
-    hinges = np.array([frame.hinge for frame in file.frames.values()], float).reshape(-1, 2)
-    section = Section(np.array(file.camera.position, float), 0.0, tuple(lines), hinges)
-    far = section.far_camera() is not None
-    places = np.vstack([*lines, hinges, *([] if far else [section.camera[None]])])
-    return math.hypot(*np.ptp(places, axis=0)), far
-
-
-def _lines_of_sight(camera: CameraTable, length: float) -> list[Polyline]:
-    half = camera.section_fov_deg / 2
-    edges = dict.fromkeys([-half, half] if half < 180 else [half], "field of view")
+def _lines_of_sight(camera: Place, axis: float, half: float, length: float) -> list[Polyline]:
+    """The optical axis and both edges of the field of view: one, if they coincide."""
+    edges = dict.fromkeys([-half, half] if half < math.pi else [half], FIELD)
     polylines = []
-    for turn, layer in ({0.0: "camera"} | edges).items():
-        angle = math.radians(camera.direction_deg + turn)
-        x, y = camera.position
-        end = (x + length * math.cos(angle), y + length * math.sin(angle))
-        polylines.append(Polyline(layer, [(x, y), end]))
+    for turn, layer in ({0.0: CAMERA} | edges).items():
+        across, up = (length * part(axis + turn) for part in (math.cos, math.sin))
+        name = "optical axis" if layer == CAMERA else ""
+        polylines.append(Polyline(layer, [camera, (camera[0] + across, camera[1] + up)], name=name))
     return polylines
 
 
