@@ -9,7 +9,6 @@ from jaxtyping import Array, Float
 from designopt.errors import UserError
 from designopt.io.spec import SpecFile
 from designopt.optimize.parametric import Measure, ParametricDesign, Values
-from studies.models.checks import ROUNDING
 from studies.models.finger import Finger
 from studies.models.finger_file import finger_tables, parse_finger
 from studies.models.finger_parametric.asking import Asked, Aspect, joined
@@ -114,9 +113,6 @@ class FingerParametric(ParametricDesign):
         found = {
             name: value for aspect in self._aspects for name, value in aspect.judge(finger).items()
         }
-        for bound in self.requirements:
-            if -ROUNDING <= bound.margin(found[bound.measure]) < 0:
-                found[bound.measure] = bound.value
         found[CLEARANCE] = min(found[name] - taken for name, taken in self._gaps.items())
         return {one.name: found[one.name] for one in self.measures}
 

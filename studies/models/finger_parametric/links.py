@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from designopt.vectors import Vector, fold_angle, rotation, vector
+from kinematics.solve.clearance import find_separation
 from studies.models.finger import Finger, linkage_pins, links_of
 from studies.models.finger_parametric.asking import Arrays, Asked, achieved, asking, joined
 from studies.models.finger_parts import FingerSpring
-from studies.models.link_layers import Links
+from studies.models.link_layers import Links, Meeting
 from studies.models.linkage_design.analysis import layers_fit
 from studies.models.linkage_design.clearances import (
-    clearances_at,
+    FACES,
+    corners_of,
+    face_corners,
     faces_of,
-    find_clearances,
     find_face_meetings,
     find_free_meetings,
     name_of,
@@ -30,7 +34,7 @@ from studies.models.linkage_design.coupling.problem import ASSEMBLY, GROWING, TR
 from studies.models.linkage_design.coupling.walls import WALLS, find_wall_gap
 from studies.models.linkage_design.forces import Loads, find_pinch_forces, find_stresses
 from studies.models.linkage_design.judging import judged
-from studies.models.linkage_design.postures import find_postures
+from studies.models.linkage_design.postures import Postures, postures_at
 from studies.models.linkage_design.problem import (
     ANGLE,
     LENGTH,
@@ -47,7 +51,7 @@ from studies.models.linkage_design.problem import (
 )
 from studies.models.linkage_design.spec import LimitsSpec, MotorSpec, SpringSpec
 from studies.models.linkage_kinds import SIX_BAR
-from studies.models.links import LinksTable
+from studies.models.links import AXLES, OUTLINES, LinksTable
 from studies.models.pins import pin_name
 
 STEP_DEG = 15.0
@@ -210,7 +214,7 @@ class LinkageAspect:
 
     def _of_six_bar(self, finger: Finger) -> Arrays:
         limits, motor, (pip, dip) = self._limits, self._motor, map(jnp.asarray, self._angles)
-        postures = find_postures(finger, pip, dip)
+        postures = _row_by_row(finger, pip, dip)
         found = {SYMBOLS[name]: DEGREES * values for name, values in postures.angles.items()}
         found[LEAST] = joined(found.values())
         found[LOCK_UP] = joined(postures.reach)
@@ -232,9 +236,12 @@ class LinkageAspect:
         found[PINCH] = limits.pinch_force + MOMENT / limits.pinch_at * strong[PINCH]
         found[TIP] = limits.tip_force + strong[TIP]
         tip = finger.body.distal - finger.body.rim
-        found |= _strength(finger, find_pinch_forces(finger, pip, limits.tip_force, tip))
+        loads = jax.lax.map(
+            lambda angle: find_pinch_forces(finger, angle[None], limits.tip_force, tip), pip
+        )
+        found |= _strength(finger, loads)
         found |= _inside(finger, postures.inner | postures.outer | {"C": postures.distal_c})
-        found |= clearances_at(finger, postures, rotation(-pip), self._meetings)
+        found |= find_all_clearances(finger, _in_one_frame(finger, postures, pip), self._meetings)
         if finger.motor is not None:
             at = postures.outer
             found[MOTOR] = DEGREES * fold_angle(at["K"] - at["F"], at["N"] - at["K"])
@@ -242,7 +249,9 @@ class LinkageAspect:
 
     def _of_coupled(self, finger: Finger) -> Arrays:
         limits, motor, pip = self._limits, self._motor, jnp.asarray(self._angles[0])
-        body, postures = finger.body, find_coupled_postures(finger, pip)
+        body = finger.body
+        rows = jax.lax.map(lambda angle: find_coupled_postures(finger, angle[None]), pip)
+        postures = jax.tree.map(lambda leaf: leaf[:, 0], rows)
         off = DEGREES * (postures.dip[-1] - body.flexions[1])
         transmission = DEGREES * postures.transmission
         found: Arrays = {LEAST: transmission, TRANSMISSION: transmission}
@@ -256,7 +265,7 @@ class LinkageAspect:
         at, axis_b = postures.places, Vector(body.intermediate, jnp.zeros(()))
         q = vector(linkage_pins(finger).Q) - axis_b
         found |= _inside(finger, at | {"Q": q})
-        found |= find_clearances(finger, at, self._meetings)
+        found |= find_all_clearances(finger, at, self._meetings)
         found[WALLS] = find_wall_gap(finger, at)
         if finger.motor is not None:
             found[MOTOR] = DEGREES * fold_angle(at["K"] - at["A"], at["N"] - at["K"])
@@ -280,6 +289,69 @@ def _inside(finger: Finger, at: dict[str, Vector]) -> Arrays:
         for pin in pins.names
         for side, distance in faces_of(at[pin], pins.kind.hosts[pin], finger.body).items()
     }
+
+
+def _row_by_row(finger: Finger, pip: Float[Array, " pip"], dip: Float[Array, " dip"]) -> Postures:
+    """The postures of a square, one angle of PIP after the other.
+
+    The loop keeps them in memory: XLA would compute them anew for each of the measures that follow,
+    which takes a hundred times as long, to compile and to run.
+    """
+    flexion = rotation(-dip)
+    rows = jax.lax.map(lambda angle: postures_at(finger, rotation(-angle[None]), flexion), pip)
+    # What PIP decides, too, has one row each; all else is the same in every one.
+    return jax.tree.map(lambda leaf: leaf[:, 0] if leaf.ndim == 3 else leaf[0], rows)
+
+
+def _in_one_frame(
+    finger: Finger, postures: Postures, pip: Float[Array, " pip"]
+) -> dict[str, Vector]:
+    """Axes and pins in the frame of the proximal phalanx, one for every posture."""
+    zero, knuckle = jnp.zeros_like(finger.body.intermediate), rotation(-pip)[:, None]
+    inner = postures.inner | {"B": Vector(finger.body.intermediate, zero)}
+    found = {name: place.turned(knuckle) for name, place in inner.items()} | postures.outer
+    return found | {"A": Vector(zero, zero), "O": Vector(-finger.body.proximal, zero)}
+
+
+def find_all_clearances(
+    finger: Finger, places: Mapping[str, Vector], meetings: Sequence[Meeting]
+) -> Arrays:
+    """`find_clearances` of many parts at once: one small program, whatever their number.
+
+    Args:
+        finger: with links.
+        places: of axes and pins, in one frame.
+        meetings: of parts whose pins have places.
+    """
+    links, radii, hulls = links_of(finger), [], ([], [])
+    for one in meetings:
+        if one.second in FACES:
+            second, radius = face_corners(places, one.second, finger), 0.0
+        elif one.second in OUTLINES:
+            second, radius = corners_of(places, OUTLINES[one.second]), links.bar_width / 2
+        else:
+            diameter = links.axle_diameter if one.second in AXLES else links.pin_diameter
+            second, radius = corners_of(places, one.second), diameter / 2
+        radii.append(links.bar_width / 2 + radius)
+        hulls[0].append(corners_of(places, OUTLINES[one.first]))
+        hulls[1].append(second)
+    batch = jnp.broadcast_shapes(
+        *(one.shape[:-2] for one in hulls[1]), *(one.shape[:-2] for one in hulls[0])
+    )
+
+    def stacked(found: Sequence[Array]) -> Float[Array, "meetings ... corners 2"]:
+        """With the last corner once more where one has fewer, which adds nothing to a hull."""
+        whole = (jnp.broadcast_to(one, (*batch, *one.shape[-2:])) for one in found)
+        most = max(one.shape[-2] for one in found)
+        return jnp.stack(
+            [
+                jnp.concatenate([one] + [one[..., -1:, :]] * (most - one.shape[-2]), axis=-2)
+                for one in whole
+            ]
+        )
+
+    between = find_separation(*map(stacked, hulls))
+    return {name_of(one): between[i] - radii[i] for i, one in enumerate(meetings)}
 
 
 def _strength(finger: Finger, loads: Loads) -> Arrays:
