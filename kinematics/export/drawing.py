@@ -24,7 +24,7 @@ from designopt.io.files import printable
 from kinematics.model.assembled import assembled_joints, own_places, zeroed
 from kinematics.model.linkage import Linkage
 from kinematics.model.topology import WORLD, BodyPart, InputPart, Structure
-from kinematics.plot.drawing import Scene
+from kinematics.plot.scene import Scene
 
 if TYPE_CHECKING:
     from kinematics.io.designed import DesignedLinkage

@@ -7,11 +7,9 @@ the scale of the drawing.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
@@ -21,9 +19,7 @@ from matplotlib.patheffects import withTickedStroke
 from matplotlib.transforms import Affine2D, ScaledTranslation, Transform
 
 from designopt.plot.quick_line import QuickLine
-
-Points = Float[np.ndarray, "_ 2"]
-Place = Float[np.ndarray, "2"]
+from kinematics.plot.scene import Place, Points
 
 INK, GRAY, PAPER = "#222222", "#8A8A8A", "white"
 BAR, STRIP, HOLE, EDGE = 7.0, 15.0, 9.5, 0.9
@@ -39,29 +35,6 @@ def tint(color: str, white: float = 0.72) -> tuple[float, float, float]:
     """A colour mixed with so much white."""
     red, green, blue = (white + (1 - white) * part for part in to_rgb(color))
     return red, green, blue
-
-
-def hull(points: Points) -> Points:
-    """Corners of the convex hull, counter-clockwise; the two ends of points in one line.
-
-    Source: A. M. Andrew, Another efficient algorithm for convex hulls in two dimensions, 1979.
-    """
-    order = [points[i] for i in np.lexsort((points[:, 1], points[:, 0]))]
-    rounding = 1e-12 * float(np.ptp(points, axis=0).max()) ** 2
-
-    def chain(sorted_points: Iterable[Place]) -> list[Place]:
-        corners: list[Place] = []
-        for point in sorted_points:
-            while len(corners) >= 2 and _cross(corners[-2], corners[-1], point) <= rounding:
-                corners.pop()
-            corners.append(point)
-        return corners[:-1]
-
-    return np.array(chain(order) + chain(reversed(order)))
-
-
-def _cross(a: Place, b: Place, c: Place) -> float:
-    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
 def anchored(axes: Axes, place: Place) -> Transform:

@@ -1,4 +1,4 @@
-"""A linkage file of a linkage as a bench shows it: joints in its pose, exact lengths."""
+"""The file of a linkage with other distances: joints in a pose of it, exact lengths."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from designopt.io.toml_writing import format_toml
-from kinematics.explore.dimensions import Dimensions
 from kinematics.io.writer import HEADING, pose_tables
 from kinematics.model.linkage import Linkage
+from kinematics.parametric.dimensions import Dimensions
 from kinematics.solve.poses import solve_poses
 from kinematics.solve.statics import spring_turns
 

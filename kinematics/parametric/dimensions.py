@@ -29,7 +29,7 @@ class Distance:
     """How far two joints of a body are apart.
 
     Attributes:
-        body: the body's name.
+        body: the body's name; ``"fixed"`` of joints of several fixed bodies.
         ends: its joints.
     """
 
@@ -38,8 +38,13 @@ class Distance:
 
     @property
     def name(self) -> str:
-        """As a person writes it."""
-        return f"{self.body} {'-'.join(self.ends)}"
+        """As in the JSON export."""
+        return f"bodies.{self.body}.{'-'.join(self.ends)}"
+
+    @property
+    def label(self) -> str:
+        """For people."""
+        return f"{self.body} {'–'.join(self.ends)}"
 
 
 @dataclass(frozen=True)
