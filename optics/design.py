@@ -9,9 +9,10 @@ SCENE = DesignKind(
     "scene",
     "camera",
     lazily("optics.scene.designed:DesignedScene.read"),
-    lazily("optics.explore.scene_bench:SceneBench"),
+    lazily("optics.explore.scene:SceneExplorer"),
     lazily("optics.export.scene_drawing:make_scene_drawing"),
     lazily("optics.export.scene_drawing:scene_quantities"),
+    parametric=lazily("optics.parametric.scene:SceneParameters"),
     command="designopt trace",
 )
 
@@ -19,7 +20,8 @@ CHAMBER = DesignKind(
     "chamber",
     "chamber",
     lazily("optics.chamber.designed:DesignedChamber.read"),
-    lazily("optics.explore.chamber_bench:ChamberBench"),
+    lazily("optics.explore.chamber:ChamberExplorer"),
     lazily("optics.export.chamber_drawing:make_chamber_drawing"),
     lazily("optics.export.chamber_drawing:chamber_quantities"),
+    parametric=lazily("optics.parametric.chamber:ChamberParameters"),
 )

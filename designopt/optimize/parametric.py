@@ -140,6 +140,10 @@ class ParametricDesign(abc.ABC):
     measures: tuple[Measure, ...]
     """All that can be maximised, minimised or kept; the first is what is improved by default."""
 
+    free: tuple[str, ...] | None = None
+    """Names of the parameters that an optimisation may change unless others are named; ``None``:
+    all of them."""
+
     requirements: tuple[Bound, ...]
     """What the design itself asks for; every optimisation keeps it."""
 

@@ -6,6 +6,8 @@ import itertools
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from designopt.export.drawing import (
     Circle,
     Drawing,
@@ -36,27 +38,39 @@ SIGN = 0.01
 
 
 def make_chamber_drawing(design: DesignedChamber) -> Drawing:
+    """The section of a chamber's wall, by `draw_chamber`, with its imaging ratio."""
+    ratio = design.chamber.imaging_ratio()
+    notes = ["half of the wall's section over the centre line; D is counted to its other side"]
+    if bool(ratio.ok):
+        notes.append(f"imaging ratio {float(ratio.value):.6g}")
+    return draw_chamber(design.chamber, title=design.name)._replace(notes=notes)
+
+
+def draw_chamber(chamber: Chamber, *, title: str) -> Drawing:
     """The section of a chamber's wall: x along the centre line from A, y from the centre line.
 
     The wall's regions have layers of their own; the top reaches from D to the reference ray, where
     its image ends. The pinhole is a circle. Dimensions are lengths along the centre line, offsets
     of the wall, and where the pinhole is.
+
+    Args:
+        chamber: the chamber.
+        title: of the drawing.
     """
-    chamber = design.chamber
     corners = _corners(chamber)
     pinhole = -float(chamber.pinhole_offset), -float(chamber.reference_height)
     end = corners["E"][0]
     low, high = min(pinhole[0], 0.0), max(end, pinhole[0])
-    ratio = chamber.imaging_ratio()
-    notes = ["half of the wall's section over the centre line; D is counted to its other side"]
-    if bool(ratio.ok):
-        notes.append(f"imaging ratio {float(ratio.value):.6g}")
     feet = {name: (x, 0.0) for name, (x, _) in corners.items() if name != "E"}
     chain = [(0.0, 0.0), *(feet[name] for name in "BCD")]
     measures = [*itertools.pairwise(chain), *((feet[n], corners[n]) for n in feet)]
     measures += [(pinhole, (0.0, pinhole[1])), ((0.0, pinhole[1]), (0.0, 0.0))]
+    walls = [
+        Polyline(name, [corners[end] for end in ends], name=_wall(name))
+        for name, ends in REGIONS.items()
+    ]
     return Drawing(
-        title=design.name,
+        title=title,
         layers=[
             *(
                 Layer(name, "body", color=color)
@@ -66,9 +80,9 @@ def make_chamber_drawing(design: DesignedChamber) -> Drawing:
             Layer(LINES, "construction"),
         ],
         polylines=[
-            *(Polyline(name, [corners[end] for end in ends]) for name, ends in REGIONS.items()),
-            Polyline(LINES, [(low, 0.0), (high, 0.0)]),
-            Polyline(LINES, [(low, pinhole[1]), (high, pinhole[1])]),
+            *walls,
+            Polyline(LINES, [(low, 0.0), (high, 0.0)], name="centre line"),
+            Polyline(LINES, [(low, pinhole[1]), (high, pinhole[1])], name="reference ray"),
         ],
         circles=[Circle(CAMERA, "pinhole", pinhole, round_down(SIGN * (high - low)))],
         labels=[
@@ -79,8 +93,66 @@ def make_chamber_drawing(design: DesignedChamber) -> Drawing:
             Label(CAMERA, pinhole, "pinhole"),
         ],
         dimensions=[LinearDimension(start, stop) for start, stop in measures if start != stop],
-        notes=notes,
     )
+
+
+def draw_light(chamber: Chamber) -> tuple[list[Layer], list[Polyline]]:
+    """What the camera sees in a chamber's section: light of every region whose ring has a width.
+
+    Returns:
+        A layer of kind ``"view"`` for each, named ``light of blue``, and an outline on it: from the
+        pinhole to both ends of the region.
+    """
+    corners = _corners(chamber)
+    pinhole = -float(chamber.pinhole_offset), -float(chamber.reference_height)
+    layers, outlines = [], []
+    for (region, ends), color in list(zip(REGIONS.items(), COLORS, strict=True))[1:]:
+        name = f"light of {region}"
+        layers.append(Layer(name, "view", framed=False, color=color))
+        places = [pinhole, *(corners[end] for end in ends)]
+        outlines.append(Polyline(name, places, closed=True, name=_wall(region)))
+    return layers, outlines
+
+
+def draw_rings(chamber: Chamber, *, title: str) -> Drawing:
+    """The image of a chamber on the sensor: its blue and yellow ring and its top, mm.
+
+    Its middle is the image of the reference ray; where an image lies beyond it, there is no ring.
+    The red wall reaches to the lens, farther out than any sensor, and is not drawn.
+
+    Args:
+        chamber: one with an image.
+        title: of the drawing.
+    """
+    heights = np.asarray(chamber.image_heights().value, float)
+    # Beyond f = v the image is turned over.
+    radii = np.maximum(heights * np.sign(heights[0]), 0.0).tolist()
+    regions = list(zip(REGIONS, COLORS, strict=True))[1:]
+    layers, polylines, labels = [], [], []
+    for (region, color), outer, inner in zip(regions, radii, [*radii[1:], 0.0], strict=True):
+        layers.append(Layer(region, "view", color=color))
+        name = "top" if region == "top" else f"{region} ring"
+        if outer > inner:
+            polylines.append(_ring(region, name, outer, inner))
+            labels.append(Label(region, (0.0, (outer + inner) / 2), name))
+    if not polylines:
+        # A picture has some extent, even where nothing is imaged.
+        layers.append(Layer(LINES, "construction"))
+        polylines.append(Polyline(LINES, [(-1.0, 0.0), (1.0, 0.0)]))
+    return Drawing(title, layers, polylines, labels=labels)
+
+
+def _ring(layer: str, name: str, outer: float, inner: float) -> Polyline:
+    """A filled ring as one outline: around outside, across, back around inside; or a circle."""
+    places, bulges = [(outer, 0.0), (-outer, 0.0)], [1.0, 1.0]
+    if inner > 0:
+        places += [(outer, 0.0), (inner, 0.0), (-inner, 0.0), (inner, 0.0)]
+        bulges += [0.0, -1.0, -1.0, 0.0]
+    return Polyline(layer, places, True, bulges, name)
+
+
+def _wall(region: str) -> str:
+    return "top" if region == "top" else f"{region} wall"
 
 
 def chamber_quantities(design: DesignedChamber) -> list[Quantity]:

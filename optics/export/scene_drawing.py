@@ -26,12 +26,13 @@ from designopt.export.json import Quantity
 from designopt.io.files import printable
 from designopt.solution import Solution
 from designopt.vectors import vector
-from optics.plot.section import Angles, Section, rays_to
+from optics.plot.section import Angles, Points, Section, rays_to
 from optics.scene.camera_module import NAME
 from optics.scene.file import CameraTable, LayerTable, PadTable, SurfaceTable
 from optics.scene.reading import LEAST_TRANSMISSION
 from optics.scene.scene import WORLD, Scene, Surface
 from optics.visibility.curves import arc_between
+from optics.visibility.unfolding import paths_of
 from optics.visibility.views import Pieces, name_paths
 
 if TYPE_CHECKING:
@@ -56,8 +57,8 @@ DECIMALS = 9
 PATHS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
 """Colours of what is seen by the paths, in turn."""
 
-EDGES, WITHIN_CURVED = 2, 17
-"""Rays that bound what is seen of a piece: those to its ends; by curved mirrors more between."""
+WITHIN_CURVED = 17
+"""Rays to a piece by curved mirrors, from end to end."""
 
 SIGHT, SIGN = 0.35, 0.01
 """Length of the lines of sight, and radius of circles, as parts of the drawing's diagonal."""
@@ -181,23 +182,44 @@ def draw_views(
     Returns:
         A layer of kind ``"view"`` for every path by which anything is seen, named as the path, and
         for every piece of a pad that it shows an outline from the camera to the first mirror, one
-        from each mirror to the next, and one to the pad, each named as the pad.
+        from each mirror to the next, and one to the pad, each named as pad and path.
     """
     layout, section = scene.layout, Section.of(scene, angles)
     names = name_paths(layout, views.value.spans.shape[-2])
-    pieces = jax.tree.map(np.asarray, views.value)
-    rays = EDGES if not layout.curved else WITHIN_CURVED
     layers, polylines = dict[int, Layer](), []
-    for path, pad, lines in rays_to(scene, angles, section, pieces, rays):
+    for path, pad, lines in _bounding_rays(
+        scene, angles, section, jax.tree.map(np.asarray, views.value)
+    ):
         color = PATHS[path % len(PATHS)]
         layers.setdefault(path, Layer(names[path], "view", framed=False, color=color))
         for leg in range(min(map(len, lines)) - 1):
             first, last = ([line[at] for line in lines] for at in (leg, leg + 1))
             outline = dict.fromkeys(_places(np.array([*first, *reversed(last)])))
-            polylines.append(
-                Polyline(names[path], [*outline], closed=True, name=f"{layout.pads[pad].name} pad")
-            )
+            name = f"{layout.pads[pad].name} pad, {names[path]}"
+            polylines.append(Polyline(names[path], [*outline], closed=True, name=name))
     return [layers[path] for path in sorted(layers)], polylines
+
+
+def _bounding_rays(
+    scene: Scene, angles: Angles, section: Section, view: Pieces
+) -> Iterator[tuple[int, int, list[Points]]]:
+    """The index of every piece's path, that of its pad, and the corners of rays that bound it."""
+    layout = scene.layout
+    if layout.curved or scene.layers is not None or scene.rays_slide:
+        count = WITHIN_CURVED if layout.curved else 2
+        yield from rays_to(scene, angles, section, view, count)
+        return
+    words = paths_of(layout, view.spans.shape[-2])
+    for pad, piece in np.argwhere(view.present).tolist():
+        path = int(view.path[pad, piece])
+        word = words[path]
+        met = [section.lines[surface] for surface in (*word, len(layout.mirrors) + pad)]
+        on_pad = np.array([view.start[pad, piece], view.end[pad, piece]])
+        both = [
+            line[0] + at[:, None] * (line[1] - line[0])
+            for line, at in zip(met, [*view.spans[pad, piece, : len(word)], on_pad], strict=True)
+        ]
+        yield path, pad, [np.array([section.camera, *(one[end] for one in both)]) for end in (0, 1)]
 
 
 def scene_quantities(design: DesignedScene) -> list[Quantity]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cmath
 import dataclasses
 import itertools
 import math
@@ -14,10 +13,10 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 
-from designopt.plot.quick_line import QuickLine
 from designopt.plot.typesetting import drawn_name
 
 Point = Float[np.ndarray, "2"]
@@ -74,7 +73,7 @@ class PlacedLabel:
         """Its line and its text, for axes in mm; ``size`` as in `place_labels`."""
         found: list[Artist] = []
         if len(self.leader):
-            line = QuickLine(*self.leader.T, color=INK, linewidth=0.5, zorder=7)
+            line = Line2D(*self.leader.T, color=INK, linewidth=0.5, zorder=7)
             line.set_gid(f"leader:{self.text}")
             found.append(line)
         x, y = map(float, self.middle)
@@ -128,24 +127,6 @@ def place_labels(
         line = box.leader / scale if len(leader) > 1 else np.zeros((0, 2))
         placed[index] = PlacedLabel(label.text, box.middle / scale, box.angle, line)
     return [placed[index] for index in range(len(labels))]
-
-
-def moved(name: PlacedLabel, before: Label, now: Label) -> PlacedLabel:
-    """A name that keeps its place beside a segment that has moved and turned."""
-    (first, last), (start, end) = before.ends @ [1, 1j], now.ends @ [1, 1j]
-    turn = (end - start) / (last - first)
-    turn /= abs(turn)
-
-    def carried(places: Points) -> Points:
-        there = (start + end) / 2 + (places @ [1, 1j] - (first + last) / 2) * turn
-        return np.stack([there.real, there.imag], axis=-1)
-
-    angle = name.angle + cmath.phase(turn)
-    # Readable from below or from the right.
-    angle -= np.pi * round((angle - 1e-6) / np.pi)
-    return dataclasses.replace(
-        name, middle=carried(name.middle[None])[0], angle=angle, leader=carried(name.leader)
-    )
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +17,6 @@ from matplotlib.patheffects import Stroke, withTickedStroke
 from matplotlib.transforms import Affine2D, ScaledTranslation, Transform
 
 from designopt.plot.figures import PALETTE
-from designopt.plot.quick_line import QuickLine
 from designopt.plot.typesetting import drawn_name
 from designopt.solution import Solution
 from optics.plot.label_layout import Label, draw_labels
@@ -116,8 +115,6 @@ def scene_signs(
     section: Section,
     *,
     rays: int = 4,
-    seen: Sequence[str] | None = None,
-    joined: bool = False,
 ) -> Signs:
     """What `draw_scene` draws into axes, but for names.
 
@@ -128,8 +125,6 @@ def scene_signs(
         views: as in `draw_scene`.
         section: the scene in this pose.
         rays: as in `draw_scene`.
-        seen: colours of what is seen of every pad; by default `SEEN`.
-        joined: whether the rays to a piece are one artist, which is drawn faster.
     """
     layout = scene.layout
     size = _size(axes)
@@ -141,12 +136,12 @@ def scene_signs(
     for path, pad, lines in rays_to(scene, angles, section, views.value, rays):
         gid = f"ray:{path_name(layout, words[path])}:{layout.pads[pad].name}"
         look = path_style(path)
-        for line in [_joined(lines)] if joined else lines:
-            artists.append(_sign(QuickLine(*line.T, linewidth=0.8, alpha=0.65, **look), LIGHT, gid))
+        for line in lines:
+            artists.append(_sign(Line2D(*line.T, linewidth=0.8, alpha=0.65, **look), LIGHT, gid))
         clutter += lines
     for part, stack in zip(layout.pads, section.stacks, strict=True):
         artists += [] if stack is None else _layers(part.name, stack, size)
-    artists += _pads(axes, scene, section, views, size, seen or [SEEN] * len(layout.pads))
+    artists += _pads(axes, scene, section, views, size)
     for frame, hinge in zip(layout.frames, section.hinges, strict=True):
         artists += [_sign(part, SIGNS, f"hinge:{frame.name}") for part in _hinge(hinge, size)]
     return Signs(artists, clutter, size)
@@ -184,28 +179,8 @@ def scene_legend(scene: Scene, views: Solution[Pieces]) -> tuple[list[Any], list
         scene: the scene.
         views: of one pose, or of all poses that share the legend.
     """
+    layout, words = scene.layout, words_of(scene, views)
     hidden = np.min(np.asarray(views.value.coverage()), initial=1.0) <= 1 - 1e-9
-    return legend_of(scene, words_of(scene, views), seeing_paths(views), hidden=bool(hidden))
-
-
-def seeing_paths(views: Solution[Pieces]) -> list[int]:
-    """Indices of the paths that see anything, ascending."""
-    view = views.value
-    return np.unique(np.asarray(view.path)[np.asarray(view.present)]).tolist()
-
-
-def legend_of(
-    scene: Scene, words: Sequence[tuple[int, ...]], paths: Sequence[int], *, hidden: bool
-) -> tuple[list[Any], list[str]]:
-    """Handles and texts of a scene's signs and of paths.
-
-    Args:
-        scene: the scene.
-        words: the mirrors along every path; see `words_of`.
-        paths: indices of those in the legend.
-        hidden: whether the legend has pads that are not seen.
-    """
-    layout = scene.layout
     none = np.zeros((1, 2))
     reflecting = {part.side for part in layout.mirrors}
     entries: list[tuple[str, Any]] = []
@@ -226,7 +201,8 @@ def legend_of(
         entries.append(("one-sided blocker", _blocker(none, 1)))
     if layout.frames:
         entries.append(("hinge", tuple(_hinge(none[0]))))
-    for path in paths:
+    view = views.value
+    for path in np.unique(np.asarray(view.path)[np.asarray(view.present)]).tolist():
         line = Line2D([], [], linewidth=1.3, **path_style(path))
         entries.append((drawn_name(path_name(layout, words[path])), line))
     return [handle for _, handle in entries], [text for text, _ in entries]
@@ -249,12 +225,6 @@ def seen_pieces(views: Solution[Pieces], pad: int) -> list[tuple[float, float]]:
     there = np.asarray(view.present)[pad]
     starts, ends = np.asarray(view.start)[pad][there], np.asarray(view.end)[pad][there]
     return union(zip(starts.tolist(), ends.tolist(), strict=True))
-
-
-def _joined(lines: Sequence[Points]) -> Points:
-    """Lines as one, with a gap after each of them."""
-    gap = np.full((1, 2), np.nan)
-    return np.vstack([part for line in lines for part in (line, gap)])
 
 
 def _sign(artist: Artist, z: float, gid: str) -> Artist:
@@ -299,9 +269,9 @@ def _surfaces(scene: Scene, section: Section, size: float) -> Iterator[Artist]:
             yield _sign(blocker, BACKS, f"blocker:{part.name}")
 
 
-def _mirror(line: Points, side: int, size: float = 1.0) -> QuickLine:
+def _mirror(line: Points, side: int, size: float = 1.0) -> Line2D:
     """A mirror: ticks on the back of one side, a double line for two."""
-    artist = QuickLine(*line.T, color=INK, linewidth=1.5 * size)
+    artist = Line2D(*line.T, color=INK, linewidth=1.5 * size)
     if side:
         ticks = withTickedStroke(
             spacing=TICK * size, angle=-135.0 * side, length=1.0, linewidth=0.7
@@ -313,16 +283,16 @@ def _mirror(line: Points, side: int, size: float = 1.0) -> QuickLine:
     return artist
 
 
-def _blocker(line: Points, side: int, size: float = 1.0) -> QuickLine:
+def _blocker(line: Points, side: int, size: float = 1.0) -> Line2D:
     """A blocker: a grey line, broken if it lets rays pass from one side."""
     dashes = (0, (2, 0.8)) if side else "-"
-    return QuickLine(*line.T, color=GRAY, linewidth=2.2 * size, linestyle=dashes)
+    return Line2D(*line.T, color=GRAY, linewidth=2.2 * size, linestyle=dashes)
 
 
-def _hinge(place: Point, size: float = 1.0) -> list[QuickLine]:
+def _hinge(place: Point, size: float = 1.0) -> list[Line2D]:
     """A pivot: a circle with a point in it."""
     ring, point = (
-        QuickLine(place[:1], place[1:], marker="o", color=INK, linestyle="none") for _ in range(2)
+        Line2D(place[:1], place[1:], marker="o", color=INK, linestyle="none") for _ in range(2)
     )
     ring.set(markersize=7 * size, markerfacecolor=PAPER, markeredgewidth=1.1 * size)
     point.set(markersize=2 * size)
@@ -335,7 +305,6 @@ def _pads(
     section: Section,
     views: Solution[Pieces],
     size: float,
-    colors: Sequence[str],
 ) -> Iterator[Artist]:
     """Pads as bars behind their sensing sides, striped where they are hidden."""
     layout, bar, face = scene.layout, BAR * size, FACE * size
@@ -349,7 +318,7 @@ def _pads(
             artist = _part(line, pair, inner, color=HIDDEN, linewidth=bar, linestyle=STRIPES)
             yield _sign(artist, BACKS, f"hidden:{part.name}")
         for pair in seen:
-            artist = _part(line, pair, inner, color=colors[index], linewidth=bar)
+            artist = _part(line, pair, inner, color=SEEN, linewidth=bar)
             yield _sign(artist, BACKS, f"seen:{part.name}")
         for offset in (0.0,) if part.side else (-bar / 2, bar / 2):
             outer = _shifted(axes, line, offset)
@@ -374,10 +343,10 @@ def _layers(pad: str, stack: LayerSection, size: float) -> Iterator[Artist]:
         yield _sign(lip, FRONTS, f"bezel:{pad}")
 
 
-def _end(line: Points, clear: bool, size: float) -> QuickLine:
+def _end(line: Points, clear: bool, size: float) -> Line2D:
     """An end face of a layer."""
     color, width = (EDGE, CLEAR_END) if clear else (INK, DARK_END)
-    return QuickLine(*line.T, color=color, linewidth=width * size, solid_capstyle="butt")
+    return Line2D(*line.T, color=color, linewidth=width * size, solid_capstyle="butt")
 
 
 def _filled(axes: Axes, stack: LayerSection) -> Iterator[Points]:
@@ -407,9 +376,9 @@ def _layer_legend(layout: Layout) -> Iterator[tuple[str, Any]]:
         yield "bezel", Patch(facecolor=INK, edgecolor=INK)
 
 
-def _part(line: Points, pair: tuple[float, float], shift: Transform, **style: Any) -> QuickLine:
+def _part(line: Points, pair: tuple[float, float], shift: Transform, **style: Any) -> Line2D:
     """The part of a segment between two coordinates along it."""
-    artist = QuickLine(*(line[0] + np.array(pair)[:, None] * (line[1] - line[0])).T, **style)
+    artist = Line2D(*(line[0] + np.array(pair)[:, None] * (line[1] - line[0])).T, **style)
     artist.set(solid_capstyle="butt", dash_capstyle="butt", transform=shift)
     return artist
 

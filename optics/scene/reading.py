@@ -84,8 +84,12 @@ def parse_scene(data: Mapping[str, Any], source: str = "scene") -> Scene:
     return build_scene(validated(SceneFile, data, source), source)
 
 
-def build_scene(file: SceneFile, source: str) -> Scene:
-    """The scene of a file's content; otherwise as `parse_scene`."""
+def refuse_faults(file: SceneFile, source: str) -> None:
+    """Nothing, if a file's content describes a scene.
+
+    Raises:
+        UserError: it does not, and why.
+    """
     faults = [
         *_layer_faults(file),
         *_surface_faults(file),
@@ -96,6 +100,11 @@ def build_scene(file: SceneFile, source: str) -> Scene:
         faults += module_faults(file.camera, _module(file.camera.module), _kinds(file))
     if faults:
         raise UserError(f"{source}: " + "; ".join(faults))
+
+
+def build_scene(file: SceneFile, source: str) -> Scene:
+    """The scene of a file's content; otherwise as `parse_scene`."""
+    refuse_faults(file, source)
     curved = tuple(i for i, mirror in enumerate(file.mirrors) if mirror.radius is not None)
     # Parents have fewer ancestors than their children.
     names = sorted(file.frames, key=lambda name: len(_ancestors(file.frames, name)))

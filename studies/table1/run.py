@@ -11,14 +11,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from designopt import Context, Records, Report, Results, StabilityRow, UserError, assess
-from designopt.plot.figures import new_figure
+from designopt.plot.figures import PALETTE, new_figure
 from designopt.plot.typesetting import as_mathtext
 from designopt.study.benchmark import find_undominated
 from designopt.study.left_out import count_operations
 from designopt.study.plots import lines
 from optics.chamber.chamber import Chamber
 from optics.chamber.ratio import SolveMethod, solve_dimension_for_ratio
-from optics.plot.chamber_drawing import REGIONS
 from optics.scene.thin_lens import ThinLens
 from studies.benchmarks import chamber as benchmark
 from studies.models.soft_finger import paper
@@ -26,6 +25,9 @@ from studies.models.soft_finger.imaging import Columns, Constants, Imaging
 from studies.stability import chamber as stability
 from studies.table1 import Table1Spec
 from studies.table1.analysis import Analysis, analyze, solve_batch
+
+REGIONS = {"red AB": "#C0392B", "blue BC": PALETTE[0], "yellow CD": "#E0A800", "top DE": "#555555"}
+"""Regions of the wall from the lens to the end, and their colours."""
 
 CELLS = 3 * len(paper.ETA)
 

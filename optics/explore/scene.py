@@ -1,0 +1,371 @@
+"""A scene that a person turns: what is seen of its pads, by which path, and how sharply."""
+
+from __future__ import annotations
+
+import cmath
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import jax
+import numpy as np
+from jaxtyping import Array, Float
+
+from designopt.errors import UserError
+from designopt.explore.explorer import (
+    Chart,
+    Explorer,
+    ExplorerState,
+    Handle,
+    Readout,
+    Series,
+    View,
+    number_text,
+)
+from designopt.export.drawing import Drawing, Label, Layer, Place, Polyline
+from designopt.optimize.parametric import Values
+from designopt.solution import Solution
+from optics.export.scene_drawing import CAMERA, draw_scene, draw_views
+from optics.parametric.scene import SceneParameters, scene_at
+from optics.parametric.scene_measures import missed_by, quickly, see, sharpness_of
+from optics.plot.section import Section
+from optics.scene.designed import DesignedScene
+from optics.scene.scene import WORLD, Scene
+from optics.visibility.coverage import find_coverage
+from optics.visibility.intervals import union
+from optics.visibility.remarks import ROUNDING, remarks_on
+from optics.visibility.scene_trace import SceneTrace, Views
+from optics.visibility.sharpness import Sharpness
+from optics.visibility.unfolding import paths_of
+from optics.visibility.views import Pieces, name_paths
+
+SECTION, COVERAGE = "section", "coverage"
+"""Names of the panels."""
+
+SEEN, HIDDEN = "seen", "hidden"
+"""Layers of what is seen of the pads and of what is not."""
+
+COLORS = {SEEN: "#2B7BBA", HIDDEN: "#C26A00"}
+
+PLACES = 61
+"""Places over a parameter's range at which coverage is computed."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Seen:
+    """What is seen in one pose.
+
+    Attributes:
+        views: the pieces, unbatched.
+        coverage: part of each pad that is seen.
+        sharpness: of what is seen; its first axis is that of this one pose.
+        missed_by: angle (rad) by which each hidden pad is missed; NaN of pads that are seen, and
+            where rays do not tell.
+        remarks: of every pad that is not all seen, with the worst one first: what is missing, and
+            why.
+    """
+
+    views: Solution[Pieces]
+    coverage: Float[np.ndarray, " pads"]
+    sharpness: Sharpness
+    missed_by: Float[np.ndarray, " pads"]
+    remarks: tuple[tuple[str, str], ...]
+
+    @property
+    def px_per_mm(self) -> Float[np.ndarray, "pads 3"]:
+        """Least, median and greatest resolution of what is seen; 0 where nothing is."""
+        return self.sharpness.px_per_mm[0]
+
+
+def look_at(scene: Scene, angles: Float[np.ndarray, " joints"]) -> Seen:
+    """What is seen of a scene with pads at joint angles in rad."""
+    views, coverage, redundancy = see(scene, angles)
+    several = jax.tree.map(lambda leaf: leaf[None], views)
+    bounces = scene.layout.bounces
+    sharpness = sharpness_of(scene, angles[None], several.value)
+    sight = SceneTrace(
+        scene,
+        bounces,
+        name_paths(scene.layout, bounces),
+        paths_of(scene.layout, bounces),
+        np.degrees(angles)[None],
+        Views(
+            several,
+            jax.tree.leaves(several.result)[0],
+            coverage[None],
+            redundancy[None],
+            sharpness,
+            None,
+        ),
+        None,
+        np.zeros((0, 3)),
+        None,
+    )
+    lines = remarks_on(sight)
+    pairs = [(what, why.strip()) for what, why in pairwise(lines) if why.startswith(" ")]
+    order = np.argsort(coverage[coverage < 1 - ROUNDING], kind="stable")
+    hidden = (coverage == 0) & (len(scene.layout.curved) == 0)
+    missed = np.where(hidden, np.asarray(missed_by(views)), np.nan)
+    return Seen(views, coverage, sharpness, missed, tuple(pairs[index] for index in order))
+
+
+class SceneExplorer(Explorer):
+    """A scene of pads, with joint angles, camera and mirrors to turn."""
+
+    def __init__(
+        self, design: DesignedScene, *, over: Mapping[str, tuple[float, float]] | None = None
+    ) -> None:
+        """Nothing is compiled yet.
+
+        Args:
+            design: the scene.
+            over: ranges of joint angles, degrees; see `SceneParameters`.
+
+        Raises:
+            UserError: as `SceneParameters`.
+        """
+        self.design = self._parameters = SceneParameters(design, over=over)
+        self.joints = self._parameters.joints
+        if self.joints:
+            self.presets = {
+                "straight": {joint.name: joint.value for joint in self.joints},
+                "bent": {joint.name: joint.high for joint in self.joints},
+            }
+        self._scene = design.scene
+        self._turnable = (*self.joints, *self.design.parameters)
+        self._before = self.values()
+        self._swept, self._curve_of = self._turnable[0], ()
+        self._panels: tuple[View | Chart, ...] = (*self.sketch(), *self._chart(self._before, None))
+
+    def sketch(self) -> Sequence[View]:
+        """The section as it is in the file."""
+        return [self._view(self._scene, self.values(), None)]
+
+    def show(self, values: Values) -> ExplorerState:
+        """Light by path, pads by what is seen of them, coverage over what was turned last.
+
+        Where the values describe no scene, the picture stays that of the last ones that do.
+        """
+        try:
+            self._parameters.tables(values)
+        except UserError as error:
+            return ExplorerState(self._readouts(None), self._panels, str(error))
+        scene = self._parameters.scene(values)
+        seen = look_at(scene, self._angles(values))
+        self._notice(values)
+        self._panels = (self._view(scene, values, seen), *self._chart(values, seen))
+        message = ""
+        if seen.remarks:
+            (what, why), *others = seen.remarks
+            message = "; ".join([what, why, *(more for more, _ in others)])
+        return ExplorerState(self._readouts(seen), self._panels, message)
+
+    def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
+        """As `Explorer.drag`."""
+        scene = self._parameters.scene(values)
+        (names,) = (one.parameters for one in self._handles(scene, values) if one.name == handle)
+        section = Section.of(scene, self._angles(values))
+        layout = scene.layout
+        if names == ("camera.direction",):
+            away = complex(*place) - complex(*section.camera.tolist())
+            turn = section.axis - float(scene.camera.direction)
+            now = values[names[0]]
+            turned = math.degrees(cmath.phase(away)) - math.degrees(turn) if away else now
+            moved = {names[0]: now + math.remainder(turned - now, 360.0)}
+        else:
+            mirrors = {f"mirrors.{part.name}": part.frame for part in layout.mirrors}
+            frame = mirrors.get(names[0].rsplit(".", 2)[0], layout.camera_frame)
+            at = _undone(scene, section, frame, self._angles(values), complex(*place))
+            moved = dict(zip(names, (at.real, at.imag), strict=True))
+        ranges = {one.name: (one.low, one.high) for one in self.design.parameters}
+        return {**values} | {
+            name: min(max(value, ranges[name][0]), ranges[name][1]) for name, value in moved.items()
+        }
+
+    def _angles(self, values: Values) -> Float[np.ndarray, " joints"]:
+        return np.radians(np.array([values[joint.name] for joint in self.joints], float))
+
+    def _view(self, scene: Scene, values: Values, seen: Seen | None) -> View:
+        angles = self._angles(values)
+        drawing = draw_scene(scene, angles, title=self.design.title)
+        notes = _part_notes(scene, drawing)
+        if seen is not None:
+            drawing = _with_light(drawing, scene, angles, seen)
+            notes |= _pad_notes(scene, seen)
+        return View(SECTION, drawing, self._handles(scene, values, drawing), notes)
+
+    def _handles(
+        self, scene: Scene, values: Values, drawing: Drawing | None = None
+    ) -> list[Handle]:
+        """The camera, its axis and the ends of all mirrors."""
+        drawing = drawing or draw_scene(scene, self._angles(values))
+        lines = {line.name: line.places for line in drawing.polylines}
+        camera, toward = lines["optical axis"]
+        handles = [
+            Handle("camera", camera, ("camera.position.x", "camera.position.y")),
+            Handle("camera axis", toward, ("camera.direction",)),
+        ]
+        for part in scene.layout.mirrors:
+            line = lines[f"{part.name} mirror"]
+            for end, place in (("from", line[0]), ("to", line[-1])):
+                names = (f"mirrors.{part.name}.{end}.x", f"mirrors.{part.name}.{end}.y")
+                handles.append(Handle(f"{part.name} mirror, {end}", place, names))
+        return handles
+
+    def _notice(self, values: Values) -> None:
+        """Which value was moved last, if it was one alone."""
+        moved = [one for one in self._turnable if values[one.name] != self._before[one.name]]
+        if len(moved) == 1:
+            self._swept = moved[0]
+        self._before = {one.name: values[one.name] for one in self._turnable}
+
+    def _chart(self, values: Values, seen: Seen | None) -> list[Chart]:
+        """Coverage over the range of what was moved last; it changes with all others only."""
+        layout, swept = self._scene.layout, self._swept
+        if layout.curved:
+            return []
+        places = np.linspace(swept.low, swept.high, PLACES).tolist()
+        rest = (swept.name, *(values[one.name] for one in self._turnable if one is not swept))
+        if seen is not None and rest != self._curve_of:
+            states = [{**values, swept.name: place} for place in places]
+            numbers = np.array(
+                [[state[one.name] for one in self.design.parameters] for state in states]
+            )
+            angles = np.stack([self._angles(state) for state in states])
+            self._curve = 100 * np.asarray(quickly(_coverage)(self._scene, numbers, angles))
+            self._curve_of = rest
+        series = []
+        if seen is not None:
+            columns = zip(layout.pads, self._curve.T.tolist(), strict=True)
+            series = [Series(part.name, places, column) for part, column in columns]
+        label = f"{swept.label or swept.name} ({swept.unit})"
+        return [Chart(COVERAGE, label, "coverage (%)", series, values[swept.name], (0.0, 100.0))]
+
+    def _readouts(self, seen: Seen | None) -> list[Readout]:
+        found = []
+        for index, part in enumerate(self._scene.layout.pads):
+            numbers: list[float | None] = [None] * 5
+            if seen is not None:
+                spread = [value or None for value in seen.px_per_mm[index].tolist()]
+                missed = math.degrees(seen.missed_by[index])
+                covered = 100 * float(seen.coverage[index])
+                numbers = [covered, *spread, None if math.isnan(missed) else missed]
+            words = [f"{word} resolution" for word in ("least", "median", "greatest")]
+            words = ["coverage", *words, "missed by"]
+            units = ("%", "px/mm", "px/mm", "px/mm", "°")
+            for word, number, unit in zip(words, numbers, units, strict=True):
+                found.append(Readout(f"{part.name}: {word}", number, unit))
+        return found
+
+
+def _coverage(
+    scene: Scene, numbers: Float[Array, "states parameters"], angles: Float[Array, "states joints"]
+) -> Float[Array, "states pads"]:
+    def one(state: tuple[Float[Array, " parameters"], Float[Array, " joints"]]) -> Array:
+        return find_coverage(scene_at(scene, state[0]), state[1]).value
+
+    # One state after the other: all together would leave the cache.
+    return jax.lax.map(one, (numbers, angles))
+
+
+def _undone(
+    scene: Scene, section: Section, frame: int, angles: Float[np.ndarray, " joints"], place: complex
+) -> complex:
+    """Where a place of a frame is in the reference pose."""
+    if frame == WORLD:
+        return place
+    frames, turn, at = scene.layout.frames, 0.0, frame
+    while at != WORLD:
+        turn += frames[at].sign * float(angles[frames[at].angle])
+        at = frames[at].parent
+    now = complex(*section.hinges[frame].tolist())
+    return complex(*np.asarray(scene.hinges)[frame].tolist()) + (place - now) * cmath.exp(
+        -1j * turn
+    )
+
+
+def _with_light(
+    drawing: Drawing, scene: Scene, angles: Float[np.ndarray, " joints"], seen: Seen
+) -> Drawing:
+    """A scene's drawing over the light that is seen, its pads parted into seen and hidden."""
+    light, outlines = draw_views(scene, angles, seen.views)
+    pads = [line for line in drawing.polylines if line.layer == "pads"]
+    pieces, labels = [], []
+    for index, line in enumerate(pads):
+        shown = _seen_pieces(seen.views.value, index)
+        ends = [0.0, *(end for piece in shown for end in piece), 1.0]
+        dark = [(a, b) for a, b in zip(ends[::2], ends[1::2], strict=True) if b > a]
+        for layer, parts in ((SEEN, shown), (HIDDEN, dark)):
+            for part in parts:
+                pieces.append(Polyline(layer, _along(line.places, part), name=line.name))
+        covered = 100 * float(seen.coverage[index])
+        layer = SEEN if covered else HIDDEN
+        text = f"{line.name}, {covered:.3g} % seen" if covered else f"{line.name}, not seen"
+        labels.append(Label(layer, _along(line.places, (0.5, 0.5))[0], text))
+    others = [layer for layer in drawing.layers if layer.name != "pads"]
+    parted = [Layer(name, "pad", color=color) for name, color in COLORS.items()]
+    return drawing._replace(
+        layers=[*light, *others, *parted],
+        polylines=[
+            *outlines,
+            *(line for line in drawing.polylines if line.layer != "pads"),
+            *pieces,
+        ],
+        labels=[*(label for label in drawing.labels if label.layer != "pads"), *labels],
+    )
+
+
+def _seen_pieces(view: Pieces, pad: int) -> list[tuple[float, float]]:
+    """The parts of a pad that are seen by any path, as pad coordinates in order."""
+    there = view.present[pad]
+    return union(zip(view.start[pad][there].tolist(), view.end[pad][there].tolist(), strict=True))
+
+
+def _along(line: Sequence[Place], part: tuple[float, float]) -> list[Place]:
+    """Places on a straight line at parts of its length."""
+    (x, y), (end_x, end_y) = line[0], line[-1]
+    return [(x + at * (end_x - x), y + at * (end_y - y)) for at in part]
+
+
+def _part_notes(scene: Scene, drawing: Drawing) -> dict[str, str]:
+    """Numbers of all parts but what is seen, by the names of their lines."""
+    notes = {
+        line.name: f"{math.dist(line.places[0], line.places[-1]):.4g} mm"
+        for line in drawing.polylines
+        if line.layer in ("mirrors", "pads", "blockers")
+    }
+    layout, camera = scene.layout, scene.camera
+    for index, radius in zip(layout.curved, np.asarray(scene.radii).tolist(), strict=True):
+        name = f"{layout.mirrors[index].name} mirror"
+        notes[name] += f" from end to end, radius {radius:.4g} mm"
+    x, y = np.asarray(camera.position).tolist()
+    direction, field = (math.degrees(float(a)) for a in (camera.direction, camera.field_of_view))
+    notes[CAMERA] = (
+        f"at ({x:.4g}, {y:.4g}) mm, direction {direction:.4g}°, field of view {field:.4g}°"
+    )
+    return notes
+
+
+def _pad_notes(scene: Scene, seen: Seen) -> dict[str, str]:
+    """How much and how sharply every pad is seen, in all and by each path."""
+    layout, view = scene.layout, seen.views.value
+    names, notes = name_paths(layout, view.spans.shape[-2]), {}
+    for index, part in enumerate(layout.pads):
+        pad = f"{part.name} pad"
+        notes[pad] = f"{100 * float(seen.coverage[index]):.4g} % seen"
+        if seen.px_per_mm[index, 2] > 0:
+            notes[pad] += f", {_resolution(seen.px_per_mm[index])}"
+        for piece in np.flatnonzero(
+            view.present[index, : seen.sharpness.by_path.shape[2]]
+        ).tolist():
+            path = int(view.path[index, piece])
+            share = 100 * float(np.sum((view.end - view.start)[index][view.path[index] == path]))
+            sharp = _resolution(seen.sharpness.by_path[0, index, piece])
+            notes[f"{pad}, {names[path]}"] = f"{share:.4g} % of the pad, {sharp}"
+    return notes
+
+
+def _resolution(spread: Float[np.ndarray, "3"]) -> str:
+    least, _, greatest = map(number_text, spread.tolist())
+    return f"{least} to {greatest} px/mm"

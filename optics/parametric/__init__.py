@@ -1,0 +1,1 @@
+"""Scenes and chambers as named numbers that can be turned and optimised."""
