@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Any
 
 from designopt.errors import UserError, load_plug_in
-from designopt.explore.bench import Bench
+from designopt.explore.explorer import Explorer
 from designopt.export.drawing import Drawing
 from designopt.export.json import Quantity
 from designopt.export.parts import Assembly
@@ -36,7 +36,7 @@ class DesignKind:
         name: what such a file describes, such as ``"linkage"``.
         table: the table that files of this kind have, and of others only those that share it.
         read: from a file to the model; its ``name`` is used in titles and file names.
-        explorer: the model with its knobs, for ``designopt explore``.
+        explorer: what turns the model, for ``designopt explore``.
         drawing: it drawn to scale in its reference pose.
         quantities: every number of it.
         mjcf: the text of a MuJoCo model of it; ``None`` where nothing of it moves.
@@ -51,7 +51,7 @@ class DesignKind:
     name: str
     table: str
     read: Callable[[Path], Any]
-    explorer: Callable[[Any], Bench]
+    explorer: Callable[[Any], Explorer]
     drawing: Callable[[Any], Drawing]
     quantities: Callable[[Any], Sequence[Quantity]]
     mjcf: Callable[[Any], str] | None = None
@@ -73,8 +73,8 @@ class Design:
         """In titles and file names."""
         return self.model.name
 
-    def explorer(self) -> Bench:
-        """It with its knobs, for ``designopt explore``."""
+    def explorer(self) -> Explorer:
+        """What turns it, for ``designopt explore``."""
         return self.kind.explorer(self.model)
 
     def parametric(self, over: Ranges = NO_RANGES) -> ParametricDesign:

@@ -37,15 +37,17 @@ POINTS_PER_MM = 72 / 25.4
 class OptimiseSpec(Spec):
     """What was asked for, as on the command line."""
 
-    design: str = setting("", "file, study or folder of a result")
-    settings: list[str] = setting([], "settings of a study")
-    config: list[Path] = setting([], "files with settings of a study")
-    maximise: str = setting("", "measure whose least value counts")
-    minimise: str = setting("", "measure whose greatest value counts")
-    free: list[str] = setting([], "NAME or NAME=low:high of parameters that may change")
-    keep: list[str] = setting([], "requirements beyond the design's own")
-    over: list[str] = setting([], "NAME=low:high of joints or inputs")
-    starts: int = setting(1, "searches: from the design as it is, and from random ones", ge=1)
+    design: str = setting("", "file, study or folder of a result", free=True)
+    settings: list[str] = setting([], "settings of a study", free=True)
+    config: list[Path] = setting([], "files with settings of a study", free=True)
+    maximise: str = setting("", "measure whose least value counts", free=True)
+    minimise: str = setting("", "measure whose greatest value counts", free=True)
+    free: list[str] = setting([], "NAME or NAME=low:high of parameters that may change", free=True)
+    keep: list[str] = setting([], "requirements beyond the design's own", free=True)
+    over: list[str] = setting([], "NAME=low:high of joints or inputs", free=True)
+    starts: int = setting(
+        1, "searches: from the design as it is, and from random ones", ge=1, free=True
+    )
 
 
 def run(spec: OptimiseSpec, context: Context) -> Results:

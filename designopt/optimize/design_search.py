@@ -49,6 +49,7 @@ from designopt.optimize.problem import (
     make_epigraph,
 )
 from designopt.optimize.starts import draw_sobol_starts
+from designopt.quick_compilation import compile_quickly
 
 UPDATES = 120
 """Cap on iterations of one search, of a few steps each."""
@@ -189,7 +190,7 @@ def free_parameters(
         UserError: there is no such parameter, or its bounds leave nothing.
     """
     known = {one.name: one for one in design.parameters}
-    names = list(free) or list(design.free or known)
+    names = list(free) or list(known if design.free is None else design.free)
     found: dict[str, tuple[float, float]] = {}
     for name in names:
         own = [one for one in known if one == name or one.startswith(f"{name}.")]
@@ -271,7 +272,7 @@ class DesignSearch:
         self._problem = self._make_problem(design.vector(design.values()))
         self._epigraph = make_epigraph(self._problem, scale=self.objective.scale)
         self._iteration = Iteration(self._epigraph)
-        self._look = jax.jit(self._looked)
+        self._look = compile_quickly(self._looked)
 
     def steps(self, values: Values, starts: int = 1, seed: int = 0) -> Iterator[SearchStep]:
         """Iterations from a design on; the last one has the result, which is never worse.
@@ -287,7 +288,7 @@ class DesignSearch:
         }
         first = {**values, **inside}
         data = self.design.vector(first), jnp.zeros(len(self.keep))
-        begins = [{name: jnp.asarray(first[name]) for name in self.free}]
+        begins = [{name: jnp.array(first[name], float) for name in self.free}]
         if starts > 1:
             drawn = draw_sobol_starts(self._problem, starts - 1, seed)
             begins += [jax.tree.map(lambda leaf, n=n: leaf[n], drawn) for n in range(starts - 1)]
@@ -352,11 +353,14 @@ class DesignSearch:
             name: Requirement(partial(_always, labels[name].label or name), labels[name].unit)
             for name in self.free
         }
-        ends = (
-            {name: jnp.asarray(end[side]) for name, end in self.free.items()} for side in (0, 1)
+        low, high = (
+            {name: jnp.array(ends[side], float) for name, ends in self.free.items()}
+            for side in (0, 1)
         )
         data = full, jnp.zeros(len(self.keep))
-        return Problem(terms, *ends, requirements=requirements, parameters=parameters, data=data)
+        return Problem(
+            terms, low, high, requirements=requirements, parameters=parameters, data=data
+        )
 
     def _measure(self, bound: Bound) -> Measure:
         return find_measure(self.design, bound.measure)
@@ -457,7 +461,7 @@ class DesignSearch:
     ) -> SearchStep:
         """The last step, with the result."""
         judged = self._judged(best) if judged is None else judged
-        free = {name: jnp.asarray(best[name]) for name in self.free}
+        free = {name: jnp.array(best[name], float) for name in self.free}
         flat = Flat.of(self._epigraph)
         point = flat.point(EpigraphVariables(free, self._look(free, data)[0]))
         optimum = _checked(flat, point, data)
@@ -473,7 +477,7 @@ class DesignSearch:
             judged_before=before,
             judged=judged,
             active=active,
-            slopes=self._slopes(free, data),
+            slopes={} if conflict else self._slopes(optimum),
             missed=missed,
             conflict=conflict,
             is_optimum=is_optimum,
@@ -491,24 +495,22 @@ class DesignSearch:
             if one.name != self.objective.name
         )
 
-    def _slopes(self, free: dict[str, Array], data: Any) -> dict[str, dict[str, float]]:
+    def _slopes(self, optimum: Optimum) -> dict[str, dict[str, float]]:
         """Of every measure asked for, where it is worst, by every free parameter."""
-        full = data[0]
-
-        def worst(free: dict[str, Array]) -> dict[str, Array]:
-            changed = full.at[self._places].set(jnp.stack([*free.values()]))
-            arrays = self.design.evaluate(changed, self._asked)
-            ends = {"least": jnp.min, "greatest": jnp.max}
-            return {
-                name: ends[find_measure(self.design, name).worst](array)
-                for name, array in arrays.items()
+        asked = [bound.measure for bound in self.keep]
+        labels = dict(zip(_labels(self.keep), asked, strict=True))
+        found = {}
+        for label, name in ({self.objective.name: self.objective.name} | labels).items():
+            measure, margins = find_measure(self.design, name), optimum.inequalities[label]
+            at = np.unravel_index(np.argmin(margins), margins.shape)
+            side = 1.0 if measure.worst == "least" else -1.0
+            # Per scaled parameter, the level last; dictionaries come in the order of their names.
+            row = optimum.slopes[label][at][:-1] * side * measure.scale
+            found[name] = {
+                one: float(slope / self._problem.units[one])
+                for one, slope in zip(self.free, row, strict=True)
             }
-
-        slopes = jax.jit(jax.jacfwd(worst))(free)
-        return {
-            name: {parameter: float(slope) for parameter, slope in row.items()}
-            for name, row in slopes.items()
-        }
+        return found
 
 
 def search(

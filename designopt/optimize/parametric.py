@@ -147,10 +147,6 @@ class ParametricDesign(abc.ABC):
     requirements: tuple[Bound, ...]
     """What the design itself asks for; every optimisation keeps it."""
 
-    free: tuple[str, ...] = ()
-    """Names of the parameters that an optimisation may change unless others are named; of all if
-    there are none."""
-
     @abc.abstractmethod
     def evaluate(
         self, values: Float[Array, " parameters"], of: tuple[str, ...]

@@ -17,6 +17,7 @@ def result(objective, keep=(), free=(), bounds=None, start=None, **settings):
     finder = DesignSearch(BOX, objective, free, [Bound.parse(text) for text in keep])
     *steps, last = finder.steps({**BOX.values(), **(start or {})}, **settings)
     assert last.done
+    assert last.result is not None
     assert not any(step.done for step in steps)
     return last.result, steps, last
 
