@@ -29,6 +29,9 @@ class FingerParametric(ParametricDesign):
 
     Where a finger has no links or spring its linkage is judged with the usual ones.
 
+    Attributes:
+        designed: the finger as designed.
+
     Example:
         >>> from studies.models.finger_file import packaged_finger
         >>> design = FingerParametric(packaged_finger())
@@ -60,7 +63,7 @@ class FingerParametric(ParametricDesign):
             raise UserError(
                 f"{finger.name}: it has neither a linkage nor a camera; add [pins] or [camera]"
             )
-        self.title = finger.name
+        self.title, self.designed = finger.name, finger
         mirrors = own_mirrors(finger) if mirrors is None else mirrors
         self._of = FingerParameters(finger, mirrors)
         self.parameters = self._of.parameters
