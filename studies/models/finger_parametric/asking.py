@@ -47,6 +47,9 @@ class Aspect(Protocol):
     asked: Sequence[Asked]
     """All measures of it."""
 
+    concerned: tuple[str, ...]
+    """What the names of the parameters begin with on which it depends."""
+
     gaps: Mapping[str, float]
     """Names of its clearances, and what parts take of each, mm."""
 

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property, partial
 
 from jaxtyping import Array, Float
 
 from designopt.errors import UserError
 from designopt.io.spec import SpecFile
-from designopt.optimize.parametric import Measure, ParametricDesign, Values
+from designopt.optimize.parametric import Bound, Measure, ParametricDesign, Values
 from studies.models.finger import Finger
 from studies.models.finger_file import finger_tables, parse_finger
-from studies.models.finger_parametric.asking import Asked, Aspect, joined
+from studies.models.finger_parametric.asking import Aspect, joined
+from studies.models.finger_parametric.compiled import CompiledFunctions
 from studies.models.finger_parametric.links import LinkageAspect, own_limits
 from studies.models.finger_parametric.optics import OpticsAspect, own_mirrors
 from studies.models.finger_parametric.parameters import FREE, FingerParameters
@@ -64,24 +66,40 @@ class FingerParametric(ParametricDesign):
                 f"{finger.name}: it has neither a linkage nor a camera; add [pins] or [camera]"
             )
         self.title, self.designed = finger.name, finger
-        mirrors = own_mirrors(finger) if mirrors is None else mirrors
-        self._of = FingerParameters(finger, mirrors)
+        self._limits, self._motor = limits, motor
+        self._mirrors = own_mirrors(finger) if mirrors is None else mirrors
+        self._of = FingerParameters(finger, self._mirrors)
         self.parameters = self._of.parameters
         names = [one.name for one in self.parameters]
         self.free = tuple(name for name in names if name.startswith(FREE))
-        aspects: list[Aspect] = []
+        self._compiled: dict[frozenset[str], CompiledFunctions] = {}
+
+    @cached_property
+    def _aspects(self) -> list[Aspect]:
+        """Linkage and optics, as far as there are; made when something is measured."""
+        finger, found = self.designed, list[Aspect]()
         if finger.pins is not None:
-            limits = own_limits(finger) if limits is None else limits
-            aspects.append(LinkageAspect(finger, limits, motor or MotorSpec()))
+            limits = own_limits(finger) if self._limits is None else self._limits
+            found.append(LinkageAspect(finger, limits, self._motor or MotorSpec()))
         if finger.camera is not None:
-            aspects.append(OpticsAspect(finger, mirrors))
-        self._aspects = aspects
-        self._gaps = {name: taken for aspect in aspects for name, taken in aspect.gaps.items()}
-        asked = [one for aspect in aspects for one in aspect.asked]
+            found.append(OpticsAspect(finger, self._mirrors))
+        return found
+
+    @cached_property
+    def measures(self) -> tuple[Measure, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """See `ParametricDesign`."""
         between = Measure(CLEARANCE, "mm", "least of all clearances", scale=LENGTH)
-        asked.append(Asked(between, None, CLEARANCE))
-        self.measures = tuple(one.measure for one in asked)
-        self.requirements = tuple(one.bound for one in asked if one.bound is not None)
+        return (*(one.measure for aspect in self._aspects for one in aspect.asked), between)
+
+    @cached_property
+    def requirements(self) -> tuple[Bound, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """See `ParametricDesign`."""
+        bounds = (one.bound for aspect in self._aspects for one in aspect.asked)
+        return tuple(bound for bound in bounds if bound is not None)
+
+    @property
+    def _gaps(self) -> dict[str, float]:
+        return {name: taken for aspect in self._aspects for name, taken in aspect.gaps.items()}
 
     def finger(self, values: Values) -> Finger:
         """The finger of other values, as its file describes it.
@@ -100,15 +118,30 @@ class FingerParametric(ParametricDesign):
         self, values: Float[Array, " parameters"], of: tuple[str, ...]
     ) -> dict[str, Float[Array, "..."]]:
         """See `ParametricDesign.evaluate`."""
-        finger, found = self.traced(values), {}
         gaps = self._gaps if CLEARANCE in of else {}
-        wanted = frozenset((*of, *gaps))
-        for aspect in self._aspects:
-            if wanted & {one.measure.name for one in aspect.asked}:
-                found |= aspect.evaluate(finger, wanted)
+        wanted = frozenset((*of, *gaps)) - {CLEARANCE}
+        if wanted not in self._compiled:
+            self._compiled[wanted] = self._compile(wanted)
+        found = self._compiled[wanted](values)
         if gaps:
             found[CLEARANCE] = joined(found[name] - taken for name, taken in gaps.items())
         return {name: found[name] for name in of}
+
+    def _compile(self, wanted: frozenset[str]) -> CompiledFunctions:
+        functions, columns = [], []
+        for aspect in self._aspects:
+            own = wanted & {one.measure.name for one in aspect.asked}
+            if own:
+                functions.append(partial(self._measured, aspect, own))
+                names = enumerate(one.name for one in self.parameters)
+                columns.append([i for i, name in names if name.startswith(aspect.concerned)])
+        return CompiledFunctions(functions, columns, len(self.parameters))
+
+    def _measured(
+        self, aspect: Aspect, own: frozenset[str], values: Float[Array, " parameters"]
+    ) -> dict[str, Float[Array, "..."]]:
+        found = aspect.evaluate(self.traced(values), own)
+        return {name: found[name] for name in own}
 
     def judge(self, values: Values) -> dict[str, float]:
         """See `ParametricDesign.judge`; all but the yield with errors of assembly."""

@@ -108,6 +108,8 @@ class LinkageAspect:
         gaps: the clearances; half a bar and the shell lie between a pin's axis and a face.
     """
 
+    concerned = ("pins.", "body.", "spring.")
+
     def __init__(self, finger: Finger, limits: LimitsSpec, motor: MotorSpec) -> None:
         """Measures and requirements of a linkage.
 

@@ -57,6 +57,8 @@ class OpticsAspect:
         gaps: the clearances of mirrors and camera.
     """
 
+    concerned = ("camera.", "mirrors.", "body.")
+
     def __init__(self, finger: Finger, spec: MirrorSpec) -> None:
         """Measures and requirements of the optics.
 
