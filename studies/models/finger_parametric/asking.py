@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -85,10 +86,11 @@ def asking(
     scale: float,
     known: Mapping[str, str],
     where: Where = lambda index: "",
+    limits: tuple[float, float] = (-math.inf, math.inf),
 ) -> Asked:
     """A measure by the label of its requirement; arguments as the attributes of both."""
     name = measure_name(label, known)
-    return Asked(Measure(name, unit, label, worst, scale, where), limit, label)
+    return Asked(Measure(name, unit, label, worst, scale, limits, where), limit, label)
 
 
 def joined(arrays: Iterable[Float[Array, "..."]]) -> Float[Array, " values"]:

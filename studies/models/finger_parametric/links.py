@@ -133,8 +133,9 @@ class LinkageAspect:
             *self._room(made),
         ]
 
-    def _ask(self, label: str, limit: float | None, *rest: Any, scale: float = LENGTH) -> Asked:
-        return asking(label, limit, *rest, scale=scale, known=KNOWN, where=self._where)
+    def _ask(self, label: str, limit: float | None, *rest: Any, **more: Any) -> Asked:
+        given = {"scale": LENGTH, "known": KNOWN, "where": self._where} | more
+        return asking(label, limit, *rest, **given)
 
     def _where(self, index: tuple[int, ...]) -> str:
         """The posture of an element: squares have PIP along their first axis, rows are of one."""
@@ -144,12 +145,13 @@ class LinkageAspect:
         return f"at PIP {pip:.3g}°, DIP {dip:.3g}°"
 
     def _transmission(self, finger: Finger) -> Iterable[Asked]:
-        scale, least = ANGLE * DEGREES, self._limits.transmission_deg
-        yield self._ask(LEAST, least, "°", scale=scale)
-        for symbol in SYMBOLS.values() if self._six_bar else [TRANSMISSION]:
-            yield self._ask(symbol, None, "°", scale=scale)
+        least = self._limits.transmission_deg
+        limits: dict[str, float | None] = {LEAST: least}
+        limits |= dict.fromkeys(SYMBOLS.values() if self._six_bar else [TRANSMISSION])
         if finger.motor is not None:
-            yield self._ask(MOTOR, least, "°", scale=scale)
+            limits[MOTOR] = least
+        for label, limit in limits.items():
+            yield self._ask(label, limit, "°", scale=ANGLE * DEGREES, limits=(0.0, 90.0))
 
     def _motion(self) -> Iterable[Asked]:
         limits = self._limits

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Any, Literal
 
@@ -90,7 +91,17 @@ class OpticsAspect:
             scale: float,
             worst: Literal["least", "greatest"] = "least",
         ) -> Asked:
-            return asking(label, limit, unit, worst, scale=scale, known=KNOWN, where=self._where)
+            limits = -math.inf, 1.0 if scale == HIDDEN_SCALE else math.inf
+            return asking(
+                label,
+                limit,
+                unit,
+                worst,
+                scale=scale,
+                known=KNOWN,
+                where=self._where,
+                limits=limits,
+            )
 
         yield ask(COVERAGE, 1.0, "", HIDDEN_SCALE)
         for pad in PHALANGES:
