@@ -31,7 +31,7 @@ def compile_quickly(
     @functools.cache
     def program() -> Callable[..., Any]:
         names = list(static_argnames)
-        return jax.jit(function, static_argnames=names, compiler_options=_known_options())
+        return jax.jit(function, static_argnames=names, compiler_options=known_options())
 
     @functools.wraps(function)
     def run(*args: Any, **kwargs: Any) -> Any:
@@ -41,7 +41,7 @@ def compile_quickly(
 
 
 @functools.cache
-def _known_options() -> dict[str, Any]:
+def known_options() -> dict[str, Any]:
     """`QUICK`, unless this version of XLA does not know it."""
     try:
         jax.jit(jnp.negative, compiler_options=QUICK)(0.0)

@@ -33,7 +33,7 @@ from optics.parametric.scene import SceneParameters, scene_at
 from optics.parametric.scene_measures import quickly, see, sharpness_of
 from optics.plot.section import Section
 from optics.scene.designed import DesignedScene
-from optics.scene.scene import WORLD, Scene
+from optics.scene.scene import WORLD, Layout, Scene
 from optics.visibility.coverage import find_coverage
 from optics.visibility.intervals import union
 from optics.visibility.remarks import ROUNDING, remarks_on
@@ -155,7 +155,7 @@ class SceneExplorer(Explorer):
         try:
             self._parameters.tables_of(scene)
         except UserError as error:
-            return ExplorerState(self._readouts(None), self._panels, str(error))
+            return ExplorerState(seen_readouts(self._scene.layout, None), self._panels, str(error))
         self._notice(values)
         self._prepare_curve(values)
         seen = look_at(scene, self._angles(values))
@@ -164,7 +164,7 @@ class SceneExplorer(Explorer):
         if seen.remarks:
             (what, why), *others = seen.remarks
             message = "; ".join([what, why, *(more for more, _ in others)])
-        return ExplorerState(self._readouts(seen), self._panels, message)
+        return ExplorerState(seen_readouts(self._scene.layout, seen), self._panels, message)
 
     def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
         """As `Explorer.drag`."""
@@ -194,10 +194,10 @@ class SceneExplorer(Explorer):
     def _view(self, scene: Scene, values: Values, seen: Seen | None) -> View:
         angles = self._angles(values)
         drawing = draw_scene(scene, angles, title=self.design.title)
-        notes = _part_notes(scene, drawing)
+        notes = part_notes(scene, drawing)
         if seen is not None:
-            drawing = _with_light(drawing, scene, angles, seen)
-            notes |= _pad_notes(scene, seen)
+            drawing = with_light(drawing, scene, angles, seen)
+            notes |= pad_notes(scene, seen)
         return View(SECTION, drawing, self._handles(scene, values, drawing), notes)
 
     def _handles(
@@ -259,21 +259,23 @@ class SceneExplorer(Explorer):
             self._program = pool.submit(lowered.compile)
             pool.shutdown(wait=False)
 
-    def _readouts(self, seen: Seen | None) -> list[Readout]:
-        found = []
-        for index, part in enumerate(self._scene.layout.pads):
-            numbers: list[float | None] = [None] * 5
-            if seen is not None:
-                spread = [value or None for value in seen.px_per_mm[index].tolist()]
-                missed = math.degrees(seen.missed_by[index])
-                covered = 100 * float(seen.coverage[index])
-                numbers = [covered, *spread, None if math.isnan(missed) else missed]
-            words = [f"{word} resolution" for word in ("least", "median", "greatest")]
-            words = ["coverage", *words, "missed by"]
-            units = ("%", "px/mm", "px/mm", "px/mm", "°")
-            for word, number, unit in zip(words, numbers, units, strict=True):
-                found.append(Readout(f"{part.name}: {word}", number, unit))
-        return found
+
+def seen_readouts(layout: Layout, seen: Seen | None) -> list[Readout]:
+    """Coverage, resolution and by what it is missed of every pad; dashes if nothing is known."""
+    found = []
+    for index, part in enumerate(layout.pads):
+        numbers: list[float | None] = [None] * 5
+        if seen is not None:
+            spread = [value or None for value in seen.px_per_mm[index].tolist()]
+            missed = math.degrees(seen.missed_by[index])
+            covered = 100 * float(seen.coverage[index])
+            numbers = [covered, *spread, None if math.isnan(missed) else missed]
+        words = [f"{word} resolution" for word in ("least", "median", "greatest")]
+        words = ["coverage", *words, "missed by"]
+        units = ("%", "px/mm", "px/mm", "px/mm", "°")
+        for word, number, unit in zip(words, numbers, units, strict=True):
+            found.append(Readout(f"{part.name}: {word}", number, unit))
+    return found
 
 
 def _coverage(
@@ -302,7 +304,7 @@ def _undone(
     )
 
 
-def _with_light(
+def with_light(
     drawing: Drawing, scene: Scene, angles: Float[np.ndarray, " joints"], seen: Seen
 ) -> Drawing:
     """A scene's drawing over the light that is seen, its pads parted into seen and hidden."""
@@ -350,7 +352,7 @@ def _along(line: Sequence[Place], part: tuple[float, float]) -> list[Place]:
     return [(x + at * (end_x - x), y + at * (end_y - y)) for at in part]
 
 
-def _part_notes(scene: Scene, drawing: Drawing) -> dict[str, str]:
+def part_notes(scene: Scene, drawing: Drawing) -> dict[str, str]:
     """Numbers of all parts but what is seen, by the names of their lines."""
     notes = {
         line.name: f"{math.dist(line.places[0], line.places[-1]):.4g} mm"
@@ -369,7 +371,7 @@ def _part_notes(scene: Scene, drawing: Drawing) -> dict[str, str]:
     return notes
 
 
-def _pad_notes(scene: Scene, seen: Seen) -> dict[str, str]:
+def pad_notes(scene: Scene, seen: Seen) -> dict[str, str]:
     """How much and how sharply every pad is seen, in all and by each path."""
     layout, view = scene.layout, seen.views.value
     names, notes = name_paths(layout, view.spans.shape[-2]), {}

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -25,9 +26,8 @@ from designopt.study.results import Results
 from designopt.study.study import Context
 from studies.finger import FingerSpec, SpringSpec
 from studies.finger.advice import Advice, advice_rows, advise
-from studies.finger.bench import FingerBench
 from studies.finger.designing import Designer, FingerDesign, requirements
-from studies.finger.kind import FINGER
+from studies.finger.kind import FINGER, finger_explorer, finger_parametric
 from studies.models.finger import Finger, camera_of
 from studies.models.finger_file import packaged_or_designed, read_finger
 from studies.models.finger_parts import AXES, PHALANGES, FingerSpring
@@ -91,8 +91,13 @@ def run(spec: FingerSpec, context: Context) -> Results:
 
 
 def design(spec: FingerSpec, folder: Path | None) -> Design:
-    """`finger_design`, explored with the resolution that the settings ask for."""
-    kind = replace(FINGER, explorer=lambda finger: FingerBench(finger, spec.mirrors.floor))
+    """`finger_design`, explored and optimised with all that the settings ask for."""
+    asked = {"limits": spec.linkage.limits, "motor": spec.linkage.motor, "mirrors": spec.mirrors}
+    kind = replace(
+        FINGER,
+        explorer=partial(finger_explorer, **asked),
+        parametric=partial(finger_parametric, **asked),
+    )
     return Design(kind, finger_design(spec, folder))
 
 

@@ -20,8 +20,8 @@ from pydantic import ValidationError
 from optics import find_coverage, find_views, parse_scene
 from optics.scene.camera_module import CameraModule
 from optics.scene.writer import scene_tables
-from studies.finger.bench import FingerBench
 from studies.finger.drawing import make_finger_drawing
+from studies.finger.explorer import SEEN, FingerExplorer
 from studies.finger.run import dimensions
 from studies.models.finger import Finger, camera_of
 from studies.models.finger_file import (
@@ -31,6 +31,7 @@ from studies.models.finger_file import (
     parse_finger,
     write_finger,
 )
+from studies.models.finger_parametric.design import FingerParametric
 from studies.models.finger_parts import PHALANGES, Phalanx, joints_between
 from studies.models.mirror_design.clearances import clearance_checks, find_clearances
 from studies.models.mirror_design.design import first_placements
@@ -369,5 +370,8 @@ def test_tables_drawing_and_explorer_follow_the_camera(host):
     ends = np.asarray(made.scene().mirrors)[0]
     starts = [one.start for one in drawing.dimensions if math.dist(one.end, ends[1]) < 1e-9]
     assert (0.0, 0.0) in [tuple(map(float, start)) for start in starts]
-    values = {knob.name: knob.value for knob in FingerBench(made).knobs}
-    assert values["camera x"] == pytest.approx(x)
+    explorer = FingerExplorer(FingerParametric(made))
+    assert explorer.values()["camera.along"] == float(camera.along)
+    (view,) = [one for one in explorer.sketch() if one.name == SEEN]
+    (handle,) = [one for one in view.handles if one.name == "camera"]
+    np.testing.assert_allclose(handle.place, [x, 21.0 - depth], atol=1e-9)

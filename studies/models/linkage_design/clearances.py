@@ -82,18 +82,18 @@ def find_clearances(
     links, found = links_of(finger), {}
     for one in meetings:
         if one.second in FACES:
-            second, radius = _face(places, one.second, finger), 0.0
+            second, radius = face_corners(places, one.second, finger), 0.0
         elif one.second in OUTLINES:
-            second, radius = _corners(places, OUTLINES[one.second]), links.bar_width / 2
+            second, radius = corners_of(places, OUTLINES[one.second]), links.bar_width / 2
         else:
             diameter = links.axle_diameter if one.second in AXLES else links.pin_diameter
-            second, radius = _corners(places, one.second), diameter / 2
-        between = find_separation(_corners(places, OUTLINES[one.first]), second)
+            second, radius = corners_of(places, one.second), diameter / 2
+        between = find_separation(corners_of(places, OUTLINES[one.first]), second)
         found[name_of(one)] = between - links.bar_width / 2 - radius
     return found
 
 
-def _face(
+def face_corners(
     places: Mapping[str, Vector], phalanx: str, finger: Finger
 ) -> Float[Array, "*batch corners 2"]:
     """Corners of a palmar face in their order around it; it ends at joints where the pad does."""
@@ -110,7 +110,8 @@ def _face(
     return jnp.stack([corner.stacked() for corner in corners], axis=-2)
 
 
-def _corners(places: Mapping[str, Vector], pins: str) -> Float[Array, "*batch corners 2"]:
+def corners_of(places: Mapping[str, Vector], pins: str) -> Float[Array, "*batch corners 2"]:
+    """Places of those of some pins that there are, as corners of one outline."""
     at = [places[pin] for pin in pins if pin in places]
     shape = jnp.broadcast_shapes(*(place.x.shape for place in at))
     return jnp.stack([jnp.broadcast_to(one.stacked(), (*shape, 2)) for one in at], axis=-2)

@@ -141,7 +141,7 @@ def find_worst_postures(finger: Finger) -> WorstPostures:
     # every place is looked up, the nearest one among them.
     columns = np.arange(len(PHALANGES))
     for kind in range(1, kinds):
-        own = _looked_up(scene, at[..., kind, :].reshape(-1, 2))[kind - 1]
+        own = look_up(scene, at[..., kind, :].reshape(-1, 2))[kind]
         own = own.reshape(len(at), len(PHALANGES), len(PHALANGES))[:, columns, columns]
         least = np.argmin(own, axis=0)
         value[:, kind], where[:, kind] = own[least, columns], at[least, columns, kind]
@@ -161,14 +161,22 @@ def find_worst_postures(finger: Finger) -> WorstPostures:
     return WorstPostures(worst(0), worst(1), blur, transmission, (spare(0), spare(1)))
 
 
-def _looked_up(
+def look_up(
     scene: Scene, degrees: Float[np.ndarray, "poses 2"]
 ) -> Float[np.ndarray, "kinds poses pads"]:
-    """Least resolution (px/mm), and negative largest blur (pixels), over all places of pads."""
+    """Coverage of pads, least resolution over all their places, negative largest blur.
+
+    Args:
+        scene: of a finger.
+        degrees: flexion of PIP and DIP.
+
+    Returns:
+        Parts, px/mm and, of a camera with a lens, pixels.
+    """
     poses = np.deg2rad(degrees)
     views = find_views(scene, jnp.asarray(poses)).value
     sharp = find_sharpness(scene, poses, views, bounces=scene.layout.bounces)
-    found = [sharp.px_per_mm[..., 0]]
+    found = [np.asarray(views.coverage()), sharp.px_per_mm[..., 0]]
     if scene.camera.lens is not None:
         distance, apparent = jnp.asarray(sharp.distance), jnp.asarray(sharp.apparent)
         views = replace(views, distance=distance, apparent=apparent)

@@ -1,0 +1,319 @@
+"""A finger that a person turns: its linkage beside what its camera sees, in one pose."""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from jaxtyping import Array, Float
+
+from designopt.batching import side_by_side
+from designopt.explore.explorer import (
+    Chart,
+    Explorer,
+    ExplorerState,
+    Handle,
+    Readout,
+    Series,
+    View,
+)
+from designopt.export.drawing import Drawing, Place
+from designopt.optimize.parametric import Parameter, Values
+from designopt.quick_compilation import compile_quickly
+from designopt.solution import Solution
+from designopt.vectors import fold_angle
+from kinematics.export.drawing import draw_linkage, sketched_scene
+from kinematics.model.linkage import Linkage
+from kinematics.plot.scene import Scene as LinkageScene
+from kinematics.solve.poses import solve_poses
+from kinematics.solve.solver import Pose
+from optics.explore.scene import Seen, look_at, pad_notes, part_notes, seen_readouts, with_light
+from optics.export.scene_drawing import CAMERA, draw_scene
+from optics.scene.scene import Scene
+from optics.visibility.coverage import find_coverage
+from studies.models.finger import Finger
+from studies.models.finger_parametric.design import FingerParametric
+from studies.models.finger_parts import OUTWARD, PHALANGES
+from studies.models.linkage_design.coupling.problem import TRANSMISSION
+from studies.models.linkage_design.problem import SYMBOLS
+from studies.models.linkage_design.transmission import finger_transmission
+from studies.models.linkage_kinds import LinkageKind
+from studies.models.pins import pin_name
+
+LINKAGE, SEEN = "linkage", "what the camera sees"
+"""Names of the views."""
+
+ANGLES, COVERAGE = "transmission angles", "coverage"
+"""Names of the charts."""
+
+PLACES = 19
+"""Angles of a joint for which a chart has values: 5° apart over 90°."""
+
+PIN, AXIS = "pin ", "camera axis"
+"""What the handle of a pin begins with, and that of the camera's tilt."""
+
+ORIGINS = {"E": "F", "D": "C", pin_name("H"): "C", "C": "B", "G": "A", "Q": "B"}
+"""The pin or axis of its body about which each pin has turned from the straight finger; K is on the
+crank."""
+
+
+class Swept(NamedTuple):
+    """A linkage in the pose that is shown, and then over the range of one joint.
+
+    Attributes:
+        linkage: itself.
+        poses: of it.
+        angles: transmission angles by their symbols, rad.
+        dip: flexion of DIP, rad.
+    """
+
+    linkage: Linkage
+    poses: Solution[Pose]
+    angles: dict[str, Float[Array, " poses"]]
+    dip: Float[Array, " poses"]
+
+
+class FingerExplorer(Explorer):
+    """Linkage, camera and mirrors of one finger, turned by its joints; flexion is positive.
+
+    A coupled finger has no DIP of its own.
+    """
+
+    design: FingerParametric
+
+    def __init__(self, design: FingerParametric) -> None:
+        """Nothing is compiled yet.
+
+        Args:
+            design: a finger with pins, a camera or both.
+        """
+        self.design = design
+        self._designed = finger = design.designed
+        ends = dict(zip(("pip", "dip"), finger.body.ranges_deg, strict=True))
+        self._coupled = finger.pins is not None and finger.kind.freedoms == 1
+        if self._coupled:
+            del ends["dip"]
+        self.joints = tuple(Parameter(name, 0.0, 0.0, end, "°") for name, end in ends.items())
+        self.presets = {
+            name: {joint: part * end for joint, end in ends.items()}
+            for name, part in (("straight", 0.0), ("half closed", 0.5), ("closed", 1.0))
+        }
+        self._last, self._column = tuple(0.0 for _ in ends), 0
+        self._curve_of: tuple[Any, ...] = ()
+        self._curve = np.zeros((PLACES, len(PHALANGES)))
+        self._scene_of = compile_quickly(lambda numbers: design.traced(numbers).scene())
+        self._sweep = compile_quickly(lambda numbers, rows: _swept(design.traced(numbers), rows))
+        self._cover = compile_quickly(_coverage)
+
+    def sketch(self) -> Sequence[View]:
+        """See `Explorer`."""
+        finger, views = self._designed, []
+        if finger.pins is not None:
+            scene = sketched_scene(finger.linkage())
+            views.append(self._linkage_view(scene))
+        if finger.camera is not None:
+            scene = finger.scene()
+            drawing = draw_scene(scene, np.zeros(2), title=self.design.title)
+            handles = self._optical_handles(drawing)
+            views.append(View(SEEN, drawing, handles, part_notes(scene, drawing)))
+        return views
+
+    def show(self, values: Values) -> ExplorerState:
+        """See `Explorer`; the joint that was moved last is the abscissa of the charts."""
+        degrees = tuple(values[joint.name] for joint in self.joints)
+        moved = [i for i, now in enumerate(degrees) if now != self._last[i]]
+        self._column, self._last = (moved[0] if moved else self._column), degrees
+        numbers = self.design.vector(values)
+        rows = np.tile(np.radians(degrees), (PLACES + 1, 1))
+        rows[1:, self._column] = np.linspace(0.0, np.radians(self._joint.high), PLACES)
+        if self._coupled:
+            swept = self._solved(numbers, rows)
+            assert swept is not None  # as it has pins
+            rows = np.stack([rows[:, 0], np.where(swept.poses.ok, swept.dip, 0.0)], axis=1)
+            sight = self._looked(numbers, rows)
+        else:
+            # Each has a program of its own to compile.
+            calls: list[Any] = [
+                partial(self._solved, numbers, rows),
+                partial(self._looked, numbers, rows),
+            ]
+            swept, sight = side_by_side(calls)
+        pip, dip = np.degrees(rows[0]).tolist()
+        readouts = [Readout("pip", pip, "°"), Readout("dip", dip, "°")]
+        views, charts, messages = [], [], []
+        if swept is not None:
+            ok = bool(swept.poses.ok[0])
+            views.append(self._linkage_view(_now(swept)))
+            readouts += _linkage_readouts(swept)
+            curves = {
+                name: np.where(swept.poses.ok, np.degrees(each), np.nan)[1:]
+                for name, each in swept.angles.items()
+            }
+            charts.append(self._chart(ANGLES, "transmission angle (°)", curves, 90.0))
+            if not ok:
+                messages.append(
+                    f"the linkage cannot be assembled at PIP {pip:.3g}°, DIP {dip:.3g}°: bend it "
+                    "less, or take back what was changed last"
+                )
+        if sight is not None:
+            scene, seen = sight
+            drawing = draw_scene(scene, rows[0], title=self.design.title)
+            handles, notes = self._optical_handles(drawing), part_notes(scene, drawing)
+            notes |= pad_notes(scene, seen)
+            views.append(View(SEEN, with_light(drawing, scene, rows[0], seen), handles, notes))
+            readouts += seen_readouts(scene.layout, seen)
+            curves = dict(zip(PHALANGES, 100 * self._curve.T, strict=True))
+            charts.append(self._chart(COVERAGE, "coverage (%)", curves, 100.0))
+            messages += [part for pair in seen.remarks[:1] for part in pair]
+        return ExplorerState(readouts, [*views, *charts], "; ".join(messages))
+
+    def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
+        """See `Explorer`; what carries the part stays in its pose."""
+        numbers, at = self.design.vector(values), complex(*place)
+        flexion = np.radians([[values[joint.name] for joint in self.joints]])
+        swept = self._solved(numbers, np.repeat(flexion, PLACES + 1, axis=0))
+        if handle.startswith(PIN):
+            pin = handle.removeprefix(PIN)
+            assert swept is not None  # as there are pins
+            moved = _straightened(self._designed.kind, swept, pin, at)
+            found = dict(zip(_pin_parameters(pin), (moved.real, moved.imag), strict=True))
+        else:
+            dip = values.get("dip", np.degrees(swept.dip[0]) if swept is not None else 0.0)
+            found = self._moved_part(values, float(dip), handle, at)
+        ranges = {one.name: (one.low, one.high) for one in self.design.parameters}
+        clipped = {
+            name: min(max(one, ranges[name][0]), ranges[name][1]) for name, one in found.items()
+        }
+        return {**values, **clipped}
+
+    def _solved(self, numbers: Array, rows: np.ndarray) -> Swept | None:
+        """The linkage in postures of both joints, or of PIP; ``None`` without one."""
+        if self._designed.pins is None:
+            return None
+        return jax.tree.map(np.asarray, self._sweep(numbers, rows))
+
+    def _looked(self, numbers: Array, rows: np.ndarray) -> tuple[Scene, Seen] | None:
+        """The scene, and what is seen in the first posture; the curve of coverage is kept."""
+        if self._designed.camera is None:
+            return None
+        scene = self._scene_of(numbers)
+        rest = (np.asarray(numbers).tobytes(), self._column, rows[1:].tobytes())
+        if rest != self._curve_of:
+            self._curve, self._curve_of = np.asarray(self._cover(scene, rows[1:])), rest
+        return scene, look_at(scene, rows[0])
+
+    @property
+    def _joint(self) -> Parameter:
+        """The joint that was moved last."""
+        return self.joints[self._column]
+
+    def _chart(self, name: str, label: str, curves: Mapping[str, np.ndarray], most: float) -> Chart:
+        places = np.linspace(0.0, self._joint.high, PLACES).tolist()
+        series = [Series(one, places, values.tolist()) for one, values in curves.items()]
+        at = self._last[self._column]
+        return Chart(name, f"{self._joint.name} (°)", label, series, at, (0.0, most))
+
+    def _linkage_view(self, scene: LinkageScene) -> View:
+        drawing = draw_linkage(scene, title=self.design.title)
+        pins, handles, notes = self._designed.pins, [], {}
+        assert pins is not None  # of a linkage
+        for pin in pins.names:
+            joint = pin_name(pin)
+            x, y = (float(one) for one in scene.joints[joint])
+            handles.append(Handle(f"{PIN}{joint}", (x, y), _pin_parameters(joint)))
+            notes[joint] = f"at ({x:.4g}, {y:.4g}) mm"
+        return View(LINKAGE, drawing, handles, notes)
+
+    def _optical_handles(self, drawing: Drawing) -> list[Handle]:
+        """The camera, its axis and the ends of all mirrors."""
+        lines = {line.name: line.places for line in drawing.polylines}
+        camera, toward = lines["optical axis"]
+        places = {CAMERA: camera, AXIS: toward}
+        for name in self._designed.mirror_names:
+            line = lines[f"{name} mirror"]
+            places |= {f"{name} mirror, from": line[0], f"{name} mirror, to": line[-1]}
+        return [Handle(name, place, _part_parameters(name)) for name, place in places.items()]
+
+    def _moved_part(self, values: Values, dip: float, handle: str, at: complex) -> dict[str, float]:
+        """Coordinates of camera or mirror end in its phalanx, or the tilt, after a drag."""
+        finger = self._designed
+        camera, names = finger.camera, _part_parameters(handle)
+        assert camera is not None  # of an optical handle
+        hosts = {
+            f"{name} mirror": one.phalanx
+            for name, one in zip(finger.mirror_names, finger.mirrors, strict=True)
+        }
+        host = hosts.get(handle.partition(",")[0], camera.phalanx)
+        turn = -OUTWARD[host] * np.radians(
+            {"proximal": values["pip"], "distal": dip}.get(host, 0.0)
+        )
+        axis = values["body.intermediate"] if host == "distal" else 0.0
+        local = (at - axis) * cmath.exp(-1j * turn)
+        dorsal = values["body.thickness"] - values["body.axis_height"]
+        along, depth = local.real, dorsal - local.imag
+        if handle != AXIS:
+            return dict(zip(names, (along, depth), strict=True))
+        across = along - values["camera.along"], depth - values["camera.depth"]
+        return {names[0]: float(np.degrees(np.arctan2(*across)))}
+
+
+def _coverage(scene: Scene, rows: Float[Array, "poses 2"]) -> Float[Array, "poses pads"]:
+    # One posture after the other: all together would leave the cache.
+    return jax.lax.map(lambda row: find_coverage(scene, row).value, rows)
+
+
+def _swept(finger: Finger, flexion: Float[Array, "poses joints"]) -> Swept:
+    linkage = finger.linkage()
+    poses = solve_poses(linkage, -flexion)
+    at, bodies = poses.value.joints, poses.value.bodies
+    if finger.kind.freedoms > 1:
+        angles = finger_transmission(poses.value)
+        named = {SYMBOLS[name]: one for name, one in angles.items()}
+    else:
+        named = {TRANSMISSION: fold_angle(at["Q"] - at["B"], at["P"] - at["Q"])}
+    dip = -bodies["distal"].turned(bodies["intermediate"].conjugate()).angle()
+    return Swept(linkage, poses, named, dip)
+
+
+def _now(swept: Swept) -> LinkageScene:
+    """The pose that is shown; the straight finger where there is none."""
+    if not bool(swept.poses.ok[0]):
+        return sketched_scene(swept.linkage)
+    return LinkageScene.of(swept.linkage, jax.tree.map(lambda leaf: leaf[0], swept.poses.value))
+
+
+def _linkage_readouts(swept: Swept) -> list[Readout]:
+    ok = bool(swept.poses.ok[0])
+    found = {f"{name}": (np.degrees(each[0]), "°") for name, each in swept.angles.items()}
+    found["from lock-up"] = (swept.poses.margin[0], "mm")
+    return [Readout(name, float(one) if ok else None, unit) for name, (one, unit) in found.items()]
+
+
+def _straightened(kind: LinkageKind, swept: Swept, pin: str, at: complex) -> complex:
+    """Where a pin that is at a place would be in the straight finger, its body as it is turned."""
+    origin = ORIGINS.get(pin) if pin != "K" else kind.shaft
+    if origin is None:
+        return at  # on the proximal phalanx, which does not move
+    (axis, arm), (first, before) = (
+        [complex(*map(float, scene.joints[name])) for name in (origin, pin)]
+        for scene in (_now(swept), sketched_scene(swept.linkage))
+    )
+    turn = (arm - axis) / (before - first) if before != first else 1.0
+    return first + (at - axis) / turn * abs(turn)
+
+
+def _pin_parameters(pin: str) -> tuple[str, ...]:
+    return f"pins.{pin}.x", f"pins.{pin}.y"
+
+
+def _part_parameters(handle: str) -> tuple[str, ...]:
+    """Of the camera, of its axis, or of an end of a mirror."""
+    if handle == AXIS:
+        return ("camera.tilt",)
+    name, _, end = handle.partition(" mirror, ")
+    stem = f"mirrors.{name}.{end}" if end else "camera"
+    return f"{stem}.along", f"{stem}.depth"

@@ -1,0 +1,1 @@
+"""A whole finger as named numbers: parameters, measures, and the requirements of its studies."""
