@@ -103,9 +103,9 @@ def test_outputs_stand_below_their_cells(tmp_path):
 
 def test_measured_figures_are_those_of_the_readmes():
     for result in results(ROOT / "docs/measured"):
+        if "source" not in result:
+            continue  # figures of a run that no README repeats
         readme = (ROOT / result["source"]).read_text(encoding="utf-8")
-        if result["source"] == "studies/benchmarks/linkage/README.md":
-            continue  # that README has targets and no figures
         for metric in result["metrics"]:
             for number in re.findall(r"\d+\.\d+", metric["value"]):
                 assert number in readme, (result["source"], metric)
