@@ -24,7 +24,8 @@ def math_to_mathml(text: str) -> str:
 
     def change(part: str) -> str:
         part = DISPLAY.sub(lambda found: f"\n<div>{_mathml(found[1], 'block')}</div>\n", part)
-        return INLINE.sub(lambda found: _mathml(found[1], "inline"), part)
+        # A line that begins with <math> would be a block of its own.
+        return INLINE.sub(lambda found: f"<span>{_mathml(found[1], 'inline')}</span>", part)
 
     return outside_code(text, change)
 
