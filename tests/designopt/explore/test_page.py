@@ -379,7 +379,9 @@ def test_zoom_by_wheel_buttons_and_keys_and_fit(visit, site):
     page.mouse.move(x, y)
     page.mouse.wheel(0, -300)
     wait(lambda: page.evaluate(transform) != fitted)
-    assert math.hypot(*np.subtract(center(page, ".handle"), (x, y))) < 1  # it stays there
+    assert (
+        math.hypot(*np.subtract(center(page, ".handle"), (x, y))) < 1.5
+    )  # it stays there, but for whole pixels of pointers
     page.get_by_role("button", name="Fit slider").click()
     wait(lambda: page.evaluate(transform) == fitted)
     for undo, key in (("-", "+"), ("ArrowLeft", "ArrowRight")):
@@ -399,7 +401,8 @@ def pixels(data):
 def test_saved_pictures_are_what_is_seen(visit, tmp_path, browser, panel, turns):
     """Zoomed, with Greek letters and subscripts; of many shapes, which are drawn on a canvas."""
     with served(SliderCrank(turns=turns), tmp_path) as site:
-        page = visit(site, device_scale_factor=2, color_scheme="dark")
+        high = {"width": 1280, "height": 1400}  # nothing lies over another panel
+        page = visit(site, device_scale_factor=2, color_scheme="dark", viewport=high)
         settled(page)
         if panel == "slider":
             page.get_by_role("button", name="Zoom in on slider").click()
