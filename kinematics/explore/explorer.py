@@ -41,7 +41,7 @@ RANGE_DEG = (0.0, 90.0)
 class LinkageExplorer(Explorer):
     """Inputs and distances of a linkage, as a person turns them."""
 
-    design: LinkageDesign  # pyright: ignore[reportIncompatibleVariableOverride]
+    design: LinkageDesign
 
     def __init__(self, design: DesignedLinkage) -> None:
         """Nothing is compiled before the joints are asked for, or a pose.
@@ -49,7 +49,7 @@ class LinkageExplorer(Explorer):
         Args:
             design: the linkage.
         """
-        self.design = LinkageDesign(design)
+        self.design = LinkageDesign(design)  # pyright: ignore[reportIncompatibleVariableOverride]
         self._designed = design
         self._poses = self.design.poses
         self._structure = design.linkage.structure

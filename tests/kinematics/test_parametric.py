@@ -37,7 +37,7 @@ NAMES: tuple[str, ...] = (
     "bodies.ground.O2-O4",
 )
 LENGTHS = 40.0, 120.0, 80.0, 100.0
-SHORT = dict(zip(NAMES, (40.0, 100.0, 90.0, 170.0), strict=True))
+SHORT: dict[str, float] = dict(zip(NAMES, (40.0, 100.0, 90.0, 170.0), strict=True))
 """A four-bar whose crank locks."""
 
 
