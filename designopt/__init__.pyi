@@ -1,8 +1,10 @@
+from .designs import load_design
 from .errors import UserError
 from .fitting import Fit, least_squares
 from .io.spec import Spec
 from .io.toml_writing import format_toml
 from .numerics import as_float, safe_arctan2, safe_divide, safe_quadratic_roots, safe_sqrt
+from .optimising import optimise
 from .roots import find_root
 from .solution import Solution, combine_checks
 from .study.benchmark import (
@@ -78,7 +80,9 @@ __all__ = [
     "format_toml",
     "lazily",
     "least_squares",
+    "load_design",
     "one_core",
+    "optimise",
     "run_study",
     "safe_arctan2",
     "safe_divide",

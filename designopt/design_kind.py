@@ -6,16 +6,24 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 from designopt.errors import UserError, load_plug_in
-from designopt.explore.bench import Bench
-from designopt.export.drawing import Drawing
-from designopt.export.json import Quantity
-from designopt.export.parts import Assembly
-from designopt.optimize.parametric import ParametricDesign
+
+if TYPE_CHECKING:  # these load JAX and NumPy, and a command first lists names
+    from designopt.explore.explorer import Explorer
+    from designopt.export.drawing import Drawing
+    from designopt.export.json import Quantity
+    from designopt.export.parts import Assembly
+    from designopt.optimize.parametric import ParametricDesign
 
 DESIGN_GROUP = "designopt.designs"
+
+Ranges = Mapping[str, tuple[float, float]]
+"""Least and greatest values by the names of joints or inputs, degrees or mm."""
+
+NO_RANGES: Ranges = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -30,12 +38,14 @@ class DesignKind:
         name: what such a file describes, such as ``"linkage"``.
         table: the table that files of this kind have, and of others only those that share it.
         read: from a file to the model; its ``name`` is used in titles and file names.
-        explorer: the model with its knobs, for ``designopt explore``.
+        explorer: what turns the model, for ``designopt explore``.
         drawing: it drawn to scale in its reference pose.
         quantities: every number of it.
         mjcf: the text of a MuJoCo model of it; ``None`` where nothing of it moves.
         assembly: it as parts to make; ``None`` where it has no width.
-        parametric: it as named numbers that can be optimised; ``None`` where nothing of it can.
+        parametric: it as named numbers that can be optimised, in postures between the given ends
+            of its joints or inputs (degrees or mm; the others have their own); ``None`` where
+            nothing of it can.
         command: what computes something of such a file, for messages.
         shared: tables of other kinds that files of this kind have as well.
     """
@@ -43,12 +53,12 @@ class DesignKind:
     name: str
     table: str
     read: Callable[[Path], Any]
-    explorer: Callable[[Any], Bench]
+    explorer: Callable[[Any], Explorer]
     drawing: Callable[[Any], Drawing]
     quantities: Callable[[Any], Sequence[Quantity]]
     mjcf: Callable[[Any], str] | None = None
     assembly: Callable[[Any], Assembly] | None = None
-    parametric: Callable[[Any], ParametricDesign] | None = None
+    parametric: Callable[[Any, Ranges], ParametricDesign] | None = None
     command: str = "designopt explore"
     shared: tuple[str, ...] = ()
 
@@ -65,19 +75,22 @@ class Design:
         """In titles and file names."""
         return self.model.name
 
-    def explorer(self) -> Bench:
-        """It with its knobs, for ``designopt explore``."""
+    def explorer(self) -> Explorer:
+        """What turns it, for ``designopt explore``."""
         return self.kind.explorer(self.model)
 
-    def parametric(self) -> ParametricDesign:
+    def parametric(self, over: Ranges = NO_RANGES) -> ParametricDesign:
         """It as named numbers that can be optimised.
 
+        Args:
+            over: ends of joints or inputs, as in `DesignKind`.
+
         Raises:
-            UserError: nothing of it can.
+            UserError: nothing of it can, or there is no such joint.
         """
         if self.kind.parametric is None:
             raise UserError(f"{self.name}: a {self.kind.name} has nothing that can be optimised")
-        return self.kind.parametric(self.model)
+        return self.kind.parametric(self.model, over)
 
     def drawing(self) -> Drawing:
         """It drawn to scale in its reference pose."""

@@ -21,9 +21,10 @@ LINKAGE = DesignKind(
     "linkage",
     "joints",
     lazily("kinematics.io.designed:DesignedLinkage.read"),
-    lazily("kinematics.explore.bench:LinkageBench"),
+    lazily("kinematics.explore.explorer:LinkageExplorer"),
     lazily("kinematics.export.drawing:make_linkage_drawing"),
     lazily("kinematics.export.drawing:linkage_quantities"),
     _mjcf,
+    parametric=lazily("kinematics.parametric.linkage_design:LinkageDesign"),
     command="designopt solve",
 )

@@ -1,1 +1,1 @@
-"""The command ``designopt explore``: a bench in a window or on a page, its knobs as sliders."""
+"""The command ``designopt explore``: a design on a page of a browser, its numbers as sliders."""

@@ -9,52 +9,85 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 LONGEST = 2**16
 """Bytes of a message; those of the page have a few hundred."""
 
-Place = Annotated[float, Field(ge=-1e6, le=1e6)]
-"""Across or down from the picture's upper left corner, pixels of the screen."""
+Name = Annotated[str, Field(min_length=1, max_length=1000)]
+Count = Annotated[int, Field(ge=0, lt=2**53)]
+Length = Annotated[float, Field(ge=-1e9, le=1e9)]
 
 
 class _Message(BaseModel):
-    model_config = ConfigDict(strict=True, frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(strict=True, frozen=True, allow_inf_nan=False, extra="forbid")
 
 
 class Signal(_Message):
-    """Something without further content that happened to a tab."""
+    """Something without further content."""
 
-    type: Literal["ack", "refresh", "resize", "draw"]
-
-
-class Pointer(_Message):
-    """What a mouse did; numbers of buttons are those of the DOM."""
-
-    type: Literal["button_press", "button_release", "motion_notify", "figure_enter", "figure_leave"]
-    x: Place
-    y: Place
-    button: Annotated[int, Field(ge=0, le=31)]
-    buttons: Annotated[int, Field(ge=0, lt=2**32)]
+    type: Literal["ack", "undo", "redo", "stop"]
 
 
-class PixelRatio(_Message):
-    """Pixels of the screen per pixel of the page, which a browser's zoom changes, too."""
+class SetValues(_Message):
+    """New values of parameters.
 
-    type: Literal["set_device_pixel_ratio"]
-    device_pixel_ratio: Annotated[float, Field(ge=0.01, le=100)]
+    Attributes:
+        seq: counts what a tab sends; what is shown of it comes back with this number.
+        gesture: one number for all changes that are undone together.
+    """
 
-
-class Unused(_Message):
-    """What Matplotlib's script sends and this page has no use for."""
-
-    type: Literal[
-        "dblclick",
-        "key_press",
-        "key_release",
-        "scroll",
-        "send_image_mode",
-        "supports_binary",
-        "toolbar_button",
-    ]
+    type: Literal["set"]
+    values: Annotated[dict[Name, float], Field(min_length=1, max_length=1000)]
+    seq: Count
+    gesture: Count
 
 
-Message = Signal | Pointer | PixelRatio | Unused
+class Drag(_Message):
+    """A handle that is dragged to a place, mm."""
+
+    type: Literal["drag"]
+    handle: Name
+    x: Length
+    y: Length
+    seq: Count
+    gesture: Count
+
+
+class Lock(_Message):
+    """A parameter that is locked, or no longer."""
+
+    type: Literal["lock"]
+    name: Name
+    locked: bool
+
+
+class Limit(_Message):
+    """New bounds of a parameter."""
+
+    type: Literal["bounds"]
+    name: Name
+    low: float
+    high: float
+
+
+class Preset(_Message):
+    """Values to take, by the preset's name, or to store under it."""
+
+    type: Literal["preset", "store"]
+    name: Annotated[str, Field(min_length=1, max_length=1000, pattern=r"\S")]
+
+
+class Optimise(_Message):
+    """A measure to improve."""
+
+    type: Literal["optimise"]
+    measure: Name
+
+
+class Save(_Message):
+    """Files to write, also of a design that fails a requirement or not."""
+
+    type: Literal["save"]
+    although_failing: bool
+
+
+Message = Signal | SetValues | Drag | Lock | Limit | Preset | Optimise | Save
 
 _MESSAGES: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="type")])
 
@@ -71,4 +104,4 @@ def read_message(text: str | bytes) -> Message:
         fault = error.errors(include_url=False, include_context=False, include_input=False)[0]
         place = ".".join(map(str, fault["loc"])) or "message"
         # What is wrong may be quoted, at any length.
-        raise ValueError(ascii(f"{place}: {fault['msg']}")[1:120].rstrip("'\"")) from None
+        raise ValueError(ascii(f"{place}: {fault['msg']}")[1:110].rstrip("'\"")) from None

@@ -1,72 +1,56 @@
-"""Pictures and specs saved from a window: numbered, whole, never over another file."""
+"""Files saved from the page: numbered, whole, never over another file."""
 
 from __future__ import annotations
 
 import itertools
 import os
-import re
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from designopt.errors import UserError
-from designopt.io.files import replaced_when_complete
+from designopt.io.files import printable, replaced_when_complete
 from designopt.io.spec import SpecFile
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
-
-def save_picture(figure: Figure, folder: Path, name: str) -> list[Path]:
-    """Write ``NAME-N.png`` and ``NAME-N.svg`` with the first free N, and return their paths.
-
-    The folder and those above it are made as needed.
-
-    Raises:
-        UserError: they cannot be written.
-    """
-    stem = re.sub(r"[^\w.]+", "-", name).strip("-.") or "picture"
-    paths = numbered(folder, [f"{stem}.png", f"{stem}.svg"])
-    with _all_or_none(paths) as (png, svg):
-        figure.savefig(png)
-        figure.savefig(svg, metadata={"Date": None})
-    return paths
-
-
-def save_specs(specs: Sequence[SpecFile], folder: Path) -> list[Path]:
+def save_specs(specs: Sequence[SpecFile], folder: Path, fails: Sequence[str] = ()) -> list[Path]:
     """Write files, all with the same first free number, and return their paths.
 
     The folder and those above it are made as needed.
 
+    Args:
+        specs: the files.
+        folder: where.
+        fails: the requirements that the design fails. If any, file names end in ``-failing``, and
+            texts begin with a comment that lists them.
+
     Raises:
-        UserError: they cannot be written.
+        UserError: they cannot be written; none is then.
     """
-    paths = numbered(folder, [spec.name for spec in specs])
-    with _all_or_none(paths) as partials:
-        for spec, partial in zip(specs, partials, strict=True):
-            partial.write_bytes(spec.data)
-    return paths
-
-
-def numbered(folder: Path, names: Sequence[str]) -> list[Path]:
-    """Paths ``folder/stem-N.ending`` of file names, with the first N that is free for all."""
-    parts = [Path(name) for name in names]
-    tried = (
-        [folder / f"{part.stem}-{number}{part.suffix}" for part in parts]
-        for number in itertools.count(1)
-    )
-    return next(paths for paths in tried if not any(map(os.path.lexists, paths)))
-
-
-@contextmanager
-def _all_or_none(paths: Sequence[Path]) -> Iterator[list[Path]]:
-    folder = paths[0].parent
+    paths = _numbered(folder, [spec.name for spec in specs], "-failing" if fails else "")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UserError(
             f"--out {folder}: cannot be made ({error.strerror}); name another"
         ) from error
+    comment = "# This design fails what it is asked for:\n" + "".join(
+        f"# {printable(one)}\n" for one in fails
+    )
     with ExitStack() as stack:
-        yield [stack.enter_context(replaced_when_complete(path)) for path in paths]
+        for spec, path in zip(specs, paths, strict=True):
+            if fails and isinstance(spec.content, str):
+                spec = replace(spec, content=f"{comment}\n{spec.content}")
+            stack.enter_context(replaced_when_complete(path)).write_bytes(spec.data)
+    return paths
+
+
+def _numbered(folder: Path, names: Sequence[str], mark: str) -> list[Path]:
+    """Paths ``folder/stem-N.ending`` of file names, with the first N that is free for all."""
+    parts = [Path(name) for name in names]
+    tried = (
+        [folder / f"{part.stem}-{number}{mark}{part.suffix}" for part in parts]
+        for number in itertools.count(1)
+    )
+    return next(paths for paths in tried if not any(map(os.path.lexists, paths)))

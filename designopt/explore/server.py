@@ -1,53 +1,60 @@
-"""A page on this machine: the window's canvas, live, and its readings as a table."""
+"""The page's server: on this machine's loopback, for whoever has the token, for a few tabs."""
 
 from __future__ import annotations
 
 import asyncio
 import gc
+import html
 import json
-import logging
 import os
+import secrets
 import socket
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+import tempfile
+import webbrowser
+from collections.abc import Hashable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import jinja2
-import numpy as np
-from matplotlib.backends.backend_webagg_core import FigureCanvasWebAggCore, FigureManagerWebAgg
-from matplotlib.figure import Figure
 from tornado.httpserver import HTTPServer
 from tornado.httputil import split_host_and_port
 from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from designopt.errors import UserError
-from designopt.explore.bench import Bench, Reading, number_text
-from designopt.explore.face import DPI, HEIGHT, WIDTH
-from designopt.explore.frames import SIDE, Pixels, change, pixels_of, png
-from designopt.explore.messages import LONGEST, Message, PixelRatio, Pointer, Signal, read_message
-from designopt.explore.window import Window
+from designopt.explore.explorer import Explorer
+from designopt.explore.messages import LONGEST, Signal, read_message
+from designopt.explore.session import Session
+from designopt.explore.wire import Wire
 
 ADDRESS = "127.0.0.1"
 HOSTS = (ADDRESS, "localhost")
 """What a browser on this machine calls it; another name is another site's, led here."""
 
-LEAST_RATIO, GREATEST_RATIO = 0.25, 4.0
-"""Pixels of the picture per pixel of the page; a screen with more gets the picture enlarged."""
+MOST_TABS = 8
+GRACE = 3.0
+"""Seconds after the last tab has closed in which one may come back, as a reloaded one does."""
 
-NOWHERE = Pointer(type="button_release", x=-1e6, y=-1e6, button=0, buttons=0)
-"""A mouse button that is let go where there is nothing to press."""
+MOST_UNANSWERED = 6
+"""Messages that a tab may leave unanswered before it is sent no more until it has caught up."""
 
-LOG = logging.getLogger("designopt.explore")
+TOO_MANY, NO_MESSAGE = 4008, 1008
+"""Codes with which a connection is closed; the second is RFC 6455's for a violated policy."""
 
 HEADERS = {
-    "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; "
-    "img-src 'self' blob: data:; frame-ancestors 'none'",
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
+    "img-src 'self' blob: data:; connect-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'",
+    "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
     "Cache-Control": "no-store",
 }
+TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
+RELOADED = """<!doctype html>
+<html lang="en"><title>designopt explore</title><link rel="icon" href="data:,">
+<meta http-equiv="refresh" content="0; url={}">
+"""
 
 
 def listen(port: int) -> socket.socket:
@@ -68,234 +75,249 @@ def listen(port: int) -> socket.socket:
     return listener
 
 
-def serve(bench: Bench, name: str, folder: Path, listener: socket.socket) -> None:
-    """Show a bench on a page until interrupted; the page's address is printed when it is ready.
+def serve(explorer: Explorer, folder: Path, listener: socket.socket, *, browser: bool) -> None:
+    """Show a design on a page until its last tab has closed, or until interrupted.
 
     Args:
-        bench: with its knobs.
-        name: of the saved pictures.
-        folder: where pictures and specs are saved.
+        explorer: the design.
+        folder: where files are saved.
         listener: see `listen`.
+        browser: whether to open the page in the person's browser; its address is printed otherwise,
+            and where there is none.
     """
-    asyncio.run(_serve(bench, name, folder, listener))
+    workers = asyncio.run(_serve(explorer, folder, listener, browser))
+    for worker in workers:  # Python must not be taken down around what XLA compiles
+        worker.join()
 
 
-async def _serve(bench: Bench, name: str, folder: Path, listener: socket.socket) -> None:
-    page = Page(bench, name, folder)
+async def _serve(
+    explorer: Explorer, folder: Path, listener: socket.socket, browser: bool
+) -> list[Any]:
+    site = Site(explorer, folder, listener.getsockname()[1])
     gc.freeze()  # to look through all that is here by now takes longer than to show a move
-    server = HTTPServer(page.application())
+    server = HTTPServer(site.application())
     server.add_socket(listener)
-    port = listener.getsockname()[1]
-    print(f"{bench.title}: http://{ADDRESS}:{port}/ (Ctrl-C ends it)", flush=True)
+    title = explorer.design.title
     try:
-        await asyncio.Event().wait()
+        with _redirect_file(site.address) as file:
+            if browser and await asyncio.to_thread(_open, file.as_uri()):
+                print(
+                    f"{title}: in your browser; close the page or press Ctrl-C to end", flush=True
+                )
+            else:
+                print(f"{title}: {site.address} (Ctrl-C ends it)", flush=True)
+            await site.deserted.wait()
     finally:
         server.stop()
-        while page.tabs:
-            page.tabs.pop().close()
+        site.close()
+    return site.session.end()
 
 
-class Page:
-    """A window that any number of browser tabs share.
+@contextmanager
+def _redirect_file(address: str) -> Iterator[Path]:
+    """A file that leads to an address, for this user's eyes: command lines are for everyone's."""
+    with tempfile.TemporaryDirectory(prefix="designopt-") as folder:
+        path = Path(folder) / "open.html"
+        path.touch(mode=0o600)
+        path.write_text(RELOADED.format(html.escape(address)), encoding="utf-8")
+        yield path
+
+
+def _open(address: str) -> bool:
+    """Open an address in a browser with windows; returns whether there is one."""
+    try:
+        found = webbrowser.get()
+    except webbrowser.Error:
+        return False
+    in_terminal = type(found) is webbrowser.GenericBrowser and "BROWSER" not in os.environ
+    return not in_terminal and found.open(address)
+
+
+class Site:
+    """The pages of one session.
 
     Attributes:
-        title: of the page.
-        window: what is shown.
-        canvas: what it is drawn on.
-        manager: Matplotlib's link between the canvas and the tabs.
+        token: whoever has it may come in.
+        cookie: name of the cookie that holds it.
+        address: with the token.
+        session: what the tabs share.
         tabs: the tabs that are open.
-        picture: counts the pictures drawn so far.
-        news: the readings and the message, as they were last sent.
+        deserted: set when the last tab has closed for good.
     """
 
-    def __init__(self, bench: Bench, name: str, folder: Path) -> None:
-        self.title = bench.title
+    def __init__(self, explorer: Explorer, folder: Path, port: int) -> None:
+        self.token = secrets.token_urlsafe(32)
+        self.cookie = f"designopt-{port}"
+        self.address = f"http://{ADDRESS}:{port}/?token={self.token}"
         self.tabs: set[Tab] = set()
-        self.picture = 0
-        self.news: dict[str, Any] = {}
-        self._pressed_by: Tab | None = None
-        figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI)
-        self.canvas = FigureCanvasWebAggCore(figure)
-        self.manager = _Manager(self.canvas, self)
-        self.manager.set_window_title(bench.title)
-        self.window = Window(bench, figure, name, folder, self._tell)
+        self.deserted = asyncio.Event()
+        self.session = Session(explorer, folder, self._send)
 
     def application(self) -> Application:
         """The web application."""
+        folder = files("designopt") / "explore" / "page"
+        pages = {one.name: one.read_bytes() for one in folder.iterdir() if one.is_file()}
         return Application(
             [
-                (r"/", _Html, {"page": self}),
-                (r"/(mpl|explore)\.js", _Script),
-                (r"/ws", Tab, {"page": self}),
+                (r"/", _Entrance, {"site": self, "pages": pages}),
+                (r"/open", _Opened, {"site": self}),
+                (r"/page/([a-z]+\.[a-z]+)", _File, {"site": self, "pages": pages}),
+                (r"/ws", Tab, {"site": self}),
+                (r".*", _Missing, {"site": self}),
             ],
             log_function=lambda _: None,
             websocket_max_message_size=LONGEST,
         )
 
-    def drawn(self) -> None:
-        """Send what was drawn to all tabs."""
-        self.picture += 1
-        for tab in self.tabs:
-            tab.send_picture()
+    def leave(self, tab: Tab) -> None:
+        """Forget a tab; after the last the page ends, unless one comes back soon."""
+        self.tabs.discard(tab)
+        self.session.seqs.pop(tab, None)
+        if not self.tabs:
+            asyncio.get_running_loop().call_later(GRACE, self._end_if_deserted)
 
-    def point(self, tab: Tab, pointer: Pointer, scale: float) -> None:
-        """Let a tab's mouse do something, unless another tab holds a button down.
+    def close(self) -> None:
+        """Close all tabs."""
+        while self.tabs:
+            self.tabs.pop().close(1001, "the command has ended")
 
-        Args:
-            tab: it.
-            pointer: what its mouse does.
-            scale: pixels of the picture per pixel of its screen.
-        """
-        if pointer.type == "button_press":
-            self.let_go()  # of a button whose release was lost, or of another tab's
-            self._pressed_by = tab
-        elif self._pressed_by not in (None, tab):
+    def _end_if_deserted(self) -> None:
+        if not self.tabs:
+            self.deserted.set()
+
+    def _send(self, fields: Wire, shown: Mapping[Hashable, int] | None) -> None:
+        if not fields and not shown:
             return
-        elif pointer.type == "button_release":
-            self._pressed_by = None
-        event = pointer.model_dump() | {"x": pointer.x * scale, "y": pointer.y * scale}
-        self.canvas.handle_event(event | {"modifiers": []})
-
-    def let_go(self, tab: Tab | None = None) -> None:
-        """End what a mouse button holds, if any; with a tab, only if it is that tab's."""
-        holder = self._pressed_by
-        if holder is not None and tab in (None, holder):
-            self.point(holder, NOWHERE, 1.0)
-
-    def _tell(self, readings: Sequence[Reading], message: str) -> None:
-        rows = [(each.name, number_text(each.value), each.unit) for each in readings]
-        self.news = {"type": "readings", "rows": rows, "message": message}
+        text = json.dumps(fields, allow_nan=False)
         for tab in self.tabs:
-            tab.send_json(self.news)
-
-
-class _Manager(FigureManagerWebAgg):
-    """Every tab is sent what is new for it, when it has shown what it was sent before."""
-
-    def __init__(self, canvas: FigureCanvasWebAggCore, page: Page) -> None:
-        self._page = page
-        super().__init__(canvas, 1)
-        if self.key_press_handler_id is not None:
-            canvas.mpl_disconnect(self.key_press_handler_id)  # no toolbar, no shortcuts for it
-
-    def refresh_all(self) -> None:
-        self._page.drawn()
+            seqs = {"seq": self.session.seqs.get(tab, 0)}
+            if shown is not None:
+                seqs["shown"] = shown.get(tab, 0)
+            tab.send(text, seqs)
 
 
 class _Guarded(RequestHandler):
-    """Answers nobody but this machine's own pages."""
+    """Answers this machine's own pages, and of them those with the cookie."""
 
-    def prepare(self) -> None:
-        host, _ = split_host_and_port(self.request.host.lower())
-        if host not in HOSTS:
-            raise HTTPError(403)
+    def initialize(self, site: Site, pages: Mapping[str, bytes] | None = None) -> None:
+        self._site, self._pages = site, pages or {}
 
     def set_default_headers(self) -> None:
         for name, value in HEADERS.items():
             self.set_header(name, value)
 
+    def prepare(self) -> None:
+        host, _ = split_host_and_port(self.request.host.lower())
+        if host not in HOSTS:
+            raise HTTPError(403)
+        self._check(self.get_cookie(self._site.cookie) or "")
 
-class _Html(_Guarded):
-    def initialize(self, page: Page) -> None:
-        self._page = page
+    def _check(self, token: str) -> None:
+        if not secrets.compare_digest(token.encode(), self._site.token.encode()):
+            raise HTTPError(403)
 
+    def write_error(self, status_code: int, **_: Any) -> None:
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(
+            "Open this page by the address that 'designopt explore --no-browser' prints.\n"
+            if status_code == 403
+            else f"{status_code}: there is nothing here.\n"
+        )
+
+    def _finish_page(self, name: str) -> None:
+        if name not in self._pages:
+            raise HTTPError(404)
+        kind = TYPES[name.partition(".")[2]]
+        self.set_header("Content-Type", f"{kind}; charset=utf-8")
+        self.finish(self._pages[name])
+
+
+class _Entrance(_Guarded):
+    """The page; whoever brings the token is given the cookie, and the address loses the token."""
+
+    def _check(self, token: str) -> None:
+        super()._check(self.get_query_argument("token", token))
+
+    def get(self, *_: str) -> None:
+        token = self.get_query_argument("token", None)
+        if token is None:
+            self._finish_page("index.html")
+            return
+        self.set_cookie(self._site.cookie, token, httponly=True, samesite="Strict")
+        self.redirect("/open")
+
+
+class _Opened(_Guarded):
+    """Leads to the page: a strict cookie is sent only where a page of this site leads."""
+
+    def _check(self, token: str) -> None:
+        pass
+
+    def get(self, *_: str) -> None:
+        self.finish(RELOADED.format("/"))
+
+
+class _Missing(_Guarded):
     def get(self) -> None:
-        template = jinja2.Environment(autoescape=True).from_string(_resource("explore.html.j2"))
-        self.write(template.render(title=self._page.title, width=WIDTH, height=HEIGHT))
+        raise HTTPError(404)
 
 
-class _Script(_Guarded):
-    def get(self, name: str) -> None:
-        self.set_header("Content-Type", "text/javascript; charset=utf-8")
-        script = _resource("explore.js") if name == "explore" else _Manager.get_javascript()
-        self.write(script or "")
+class _File(_Guarded):
+    def get(self, *names: str) -> None:
+        self._finish_page(names[0])
 
 
 class Tab(_Guarded, WebSocketHandler):
     """One browser tab; Tornado refuses those of pages from elsewhere."""
 
-    def initialize(self, page: Page) -> None:
-        """Nothing of the page has been sent yet."""
-        self._page = page
-        self._ratio = 1.0
-        self._warned = False
-        self._seen: Pixels | None = None
-        self._sent, self._busy = -1, False
-
-    def open(self) -> None:
-        """Show the window as it stands."""
+    def open(self, *_: str, **__: str) -> None:
+        """Show the design as it stands."""
+        self._unanswered, self._is_behind = 0, False
+        if len(self._site.tabs) >= MOST_TABS:
+            self.close(TOO_MANY, f"{MOST_TABS} tabs are open already; close one, and reload this")
+            return
         self.set_nodelay(True)
-        self._page.tabs.add(self)
-        self._page.manager.add_web_socket(self)
-        self.send_json(self._page.news)
+        self._site.tabs.add(self)
+        self._send_model()
 
     def on_close(self) -> None:
         """Forget the tab."""
-        self._page.tabs.discard(self)
-        self._page.manager.web_sockets.discard(self)
-        self._page.let_go(self)
+        if self in self._site.tabs:
+            self._site.leave(self)
 
     def on_message(self, message: str | bytes) -> None:
-        """Take what the page's script sends; see Matplotlib's ``mpl.js``."""
+        """Do what the page asks for; the connection ends if no page asks for such a thing."""
+        if self not in self._site.tabs:
+            return
         try:
             known = read_message(message)
+            if known == Signal(type="ack"):
+                self._answered()
+            else:
+                self._site.session.take(self, known)
         except ValueError as error:
-            if not self._warned:  # once, however many there are
-                LOG.warning("a tab sent what is no message of this page; ignored: %s", error)
-                self._warned = True
+            self._site.leave(self)
+            self.close(NO_MESSAGE, str(error))
+
+    def send(self, fields: str, seqs: Mapping[str, int]) -> None:
+        """Send fields of the model, as JSON; a tab that does not keep up gets all of them later."""
+        if self._unanswered >= MOST_UNANSWERED:
+            self._is_behind = True
             return
-        self._take(known)
-
-    def _take(self, message: Message) -> None:
-        match message:
-            case Signal(type="ack"):
-                self._busy = False
-                self.send_picture()
-            case Signal(type="refresh" | "resize"):  # the canvas is new, or was cleared
-                self._seen, self._sent = None, -1
-                self.send_picture()
-            case Signal(type="draw"):
-                self._seen, self._sent = None, -1  # the page waits for a picture, come what may
-                self._page.canvas.draw()
-            case PixelRatio(device_pixel_ratio=ratio):
-                self._ratio = ratio
-                ratio = min(max(ratio, LEAST_RATIO), GREATEST_RATIO)
-                self._page.canvas.handle_event(message.model_dump() | {"device_pixel_ratio": ratio})
-            case Pointer():
-                self._page.point(self, message, self._page.canvas.device_pixel_ratio / self._ratio)
-
-    def send_json(self, content: Mapping[str, Any]) -> None:
-        """Send a message for the page's script."""
-        self._write(json.dumps(content))
-
-    def send_binary(self, data: bytes) -> None:
-        """Send a picture, over the last one or instead of it."""
-        self._write(data)
-
-    def _write(self, message: str | bytes) -> None:
+        self._unanswered += 1
+        text = f'{{"fields":{fields},"seqs":{json.dumps(seqs)}}}'
         with suppress(WebSocketClosedError):  # it is just being closed
-            written = self.write_message(message, binary=isinstance(message, bytes))
+            written = self.write_message(text)
             # The tab may be gone before it is written, which is no news to anyone.
             written.add_done_callback(lambda done: done.cancelled() or done.exception())
 
-    def send_picture(self) -> None:
-        """Send what this tab lacks of the picture, unless it is still busy with the last one."""
-        if self._busy or self._sent == self._page.picture:
-            return
-        self._sent = self._page.picture
-        pixels = pixels_of(np.asarray(self._page.canvas.buffer_rgba()))
-        if self._seen is None or self._seen.shape != pixels.shape:
-            self._seen, changed = pixels.copy(), change(pixels, None)
-        else:
-            changed = change(pixels, self._seen)
-            np.copyto(self._seen, pixels)
-        if changed is None:
-            return
-        self._busy = True
-        places = {"side": SIDE, "across": changed.across, "places": changed.places.tolist()}
-        self.send_json({"type": "squares", "size": pixels.shape[::-1], **places})
-        self.send_binary(png(changed.pixels))
+    def _answered(self) -> None:
+        self._unanswered -= 1
+        if self._is_behind and self._unanswered <= 0:
+            self._is_behind = False
+            self._send_model()
 
-
-def _resource(name: str) -> str:
-    return (files("designopt") / "templates" / name).read_text(encoding="utf-8")
+    def _send_model(self) -> None:
+        session = self._site.session
+        seq = session.seqs.get(self, 0)
+        self.send(json.dumps(session.model, allow_nan=False), {"seq": seq, "shown": seq})

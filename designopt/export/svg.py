@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import xml.etree.ElementTree as ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -44,7 +45,7 @@ def svg_text(sheet: Drawing) -> str:
         _paint(group, looks[name], unit)
     for line in sheet.polylines:
         if line.bulges:
-            _child(groups[line.layer], "path", d=_path(line))
+            _child(groups[line.layer], "path", d=path_data(line))
             continue
         kind = "polygon" if line.closed else "polyline"
         points = " ".join(f"{x!r},{_down(y)!r}" for x, y in line.places)
@@ -94,12 +95,19 @@ def _paint(group: Element, look: LineStyle, unit: float) -> None:
         group.set("stroke-dasharray", f"{3 * unit:.6g} {1.5 * unit:.6g}")
 
 
-def _path(line: Polyline) -> str:
-    """A line with arcs as data of a path."""
-    ends = [*line.places[1:], *line.places[: line.closed]]
+def path_data(line: Polyline) -> str:
+    """A line as data of an SVG path, y downwards.
+
+    Example:
+        >>> path_data(Polyline("bar", [(0.0, 0.0), (4.0, 3.0)]))
+        'M 0.0,0.0 L 4.0,-3.0'
+    """
+    # The last edge of a closed line is drawn by Z, unless it may be an arc.
+    ends = [*line.places[1:], *line.places[: bool(line.closed and line.bulges)]]
     (x, y), *_ = line.places
     found = [f"M {x!r},{_down(y)!r}"]
-    for start, end, bulge in zip(line.places, ends, line.bulges, strict=False):
+    bulges = itertools.chain(line.bulges, itertools.repeat(0.0))
+    for start, end, bulge in zip(line.places, ends, bulges, strict=False):
         place = f"{end[0]!r},{_down(end[1])!r}"
         if bulge:
             radius = arc_radius(start, end, bulge)

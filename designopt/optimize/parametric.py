@@ -7,6 +7,7 @@ either.
 from __future__ import annotations
 
 import abc
+import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -55,6 +56,7 @@ class Measure:
         description: what it is, for people: a noun phrase.
         worst: which of the elements of its array counts.
         scale: a change that matters as much as a parameter's whole range does.
+        limits: least and greatest value that it can have.
         where: from the index of an element to words, such as "at PIP 30°"; empty words for one
             number.
     """
@@ -64,6 +66,7 @@ class Measure:
     description: str
     worst: Literal["least", "greatest"] = "least"
     scale: float = 1.0
+    limits: tuple[float, float] = (-math.inf, math.inf)
     where: Callable[[tuple[int, ...]], str] = lambda index: ""
 
 
@@ -119,6 +122,10 @@ class Bound:
     def margin(self, value: float) -> float:
         """By how much a value meets it, in the measure's unit; negative where it does not."""
         return value - self.value if self.relation == ">=" else self.value - value
+
+
+TOLERANCE = 1e-6
+"""A requirement that is missed by a smaller part of its measure's scale is met."""
 
 
 class ParametricDesign(abc.ABC):
@@ -183,18 +190,20 @@ class ParametricDesign(abc.ABC):
 
 
 def shortfalls(
-    design: ParametricDesign, judged: Mapping[str, float], keep: Iterable[Bound] = ()
+    design: ParametricDesign, judged: Mapping[str, float], keep: Iterable[Bound]
 ) -> list[tuple[Bound, float]]:
     """The requirements that a judged design misses, each with its margin (negative), worst first.
 
     Args:
-        design: with its own requirements.
+        design: whose measures they are.
         judged: what `ParametricDesign.judge` returned.
-        keep: further requirements.
+        keep: the requirements.
     """
     scales = {measure.name: measure.scale for measure in design.measures}
-    margins = [
-        (bound, bound.margin(judged[bound.measure])) for bound in (*design.requirements, *keep)
+    margins = [(bound, bound.margin(judged[bound.measure])) for bound in keep]
+    missed = [
+        (bound, margin)
+        for bound, margin in margins
+        if not margin >= -TOLERANCE * scales[bound.measure]
     ]
-    missed = [(bound, margin) for bound, margin in margins if not margin >= 0]
     return sorted(missed, key=lambda one: one[1] / scales[one[0].measure])

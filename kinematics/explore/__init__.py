@@ -1,1 +1,1 @@
-"""A linkage with sliders: what ``designopt explore`` shows of it."""
+"""A linkage to turn and to drag: what ``designopt explore`` shows of it."""

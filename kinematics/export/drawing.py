@@ -21,10 +21,16 @@ from designopt.export.drawing import (
 )
 from designopt.export.json import Quantity
 from designopt.io.files import printable
-from kinematics.model.assembled import assembled_joints, own_places, zeroed
+from kinematics.model.assembled import (
+    assembled_angles,
+    assembled_joints,
+    assembled_size,
+    own_places,
+    zeroed,
+)
 from kinematics.model.linkage import Linkage
 from kinematics.model.topology import WORLD, BodyPart, InputPart, Structure
-from kinematics.plot.drawing import Scene
+from kinematics.plot.scene import Scene
 
 if TYPE_CHECKING:
     from kinematics.io.designed import DesignedLinkage
@@ -43,10 +49,7 @@ MOST_NOTED = 5
 
 
 def make_linkage_drawing(design: DesignedLinkage, *, pose: bool = True) -> Drawing:
-    """The drawing of a linkage in its sketched pose.
-
-    Every body has a layer of its own with its bars or its outline, its slots, and a circle at each
-    of its pins: those of two bodies lie on each other. Joints that join nothing are crosses.
+    """The drawing of a linkage in its sketched pose: `draw_linkage`, dimensions and notes.
 
     Args:
         design: the linkage.
@@ -54,38 +57,16 @@ def make_linkage_drawing(design: DesignedLinkage, *, pose: bool = True) -> Drawi
     """
     linkage = design.linkage
     structure = linkage.structure
-    joints = assembled_joints(linkage)
-    scene = Scene.at(
-        structure,
-        float(linkage.size()),
-        {name: np.array(_place(place)) for name, place in joints.items()},
-        {part.name: float(linkage.home_angle(part.name)) for part in structure.moving},
-        [
-            (float(line.angle), slide)
-            for line, slide in zip(linkage.lines, _slides(linkage), strict=True)
-        ],
-    )
-    radius = _pin_radius(linkage, scene.size)
-    polylines, circles = [], []
-    labels: dict[str, Label] = {}
+    scene = sketched_scene(linkage)
     measures: dict[frozenset[str], LinearDimension] = {}
     for part in structure.bodies:
-        for line in _lines(scene, part):
-            polylines.append(_stroke(part.name, line))
-        for joint in part.joints:
-            place = _place(joints[joint])
-            if _partners(structure, joint) > 1:
-                circles.append(Circle(part.name, joint, place, radius))
-            else:
-                polylines += _cross(part.name, place, radius)
-            labels.setdefault(joint, Label(part.name, place, joint))
         for pair in itertools.combinations(part.joints, 2):
-            first, second = (joints[joint] for joint in pair)
-            if abs(second - first) > COINCIDENT * scene.size:
-                measures.setdefault(frozenset(pair), LinearDimension(_place(first), _place(second)))
+            first, second = (_at(scene, joint) for joint in pair)
+            if math.dist(first, second) > COINCIDENT * scene.size:
+                measures.setdefault(frozenset(pair), LinearDimension(first, second))
     notes = [
         *(["in the sketched pose"] if pose else []),
-        f"pins are drawn {2 * radius:g} mm wide, whatever their diameter will be",
+        f"pins are drawn {2 * _pin_radius(scene):g} mm wide, whatever their diameter will be",
     ]
     if structure.sliders:
         notes.append("lines that joints slide along are drawn a little way to both sides")
@@ -95,14 +76,58 @@ def make_linkage_drawing(design: DesignedLinkage, *, pose: bool = True) -> Drawi
         for (first, second), spring in zip(structure.springs, linkage.springs, strict=True)
     ]
     notes += springs if len(springs) <= MOST_NOTED else [f"{len(springs)} springs"]
+    drawing = draw_linkage(scene, title=printable(design.name))
+    return drawing._replace(dimensions=list(measures.values()), notes=notes)
+
+
+def sketched_scene(linkage: Linkage) -> Scene:
+    """The sketched pose of a linkage; nothing is solved or compiled."""
+    return Scene.at(
+        linkage.structure,
+        assembled_size(linkage),
+        {
+            name: np.array([place.real, place.imag])
+            for name, place in assembled_joints(linkage).items()
+        },
+        assembled_angles(linkage),
+        [
+            (float(line.angle), slide)
+            for line, slide in zip(linkage.lines, _slides(linkage), strict=True)
+        ],
+    )
+
+
+def draw_linkage(scene: Scene, *, title: str = "") -> Drawing:
+    """The shapes of a linkage in any pose, without dimensions and notes.
+
+    Every body has a layer of its own with its bars or its outline, its slots, and a circle at each
+    of its pins: those of two bodies lie on each other. Joints that join nothing are crosses.
+
+    Args:
+        scene: the pose: `sketched_scene`, or ``Scene.of(linkage, pose)`` of a pose that is not
+            batched.
+        title: of the drawing.
+    """
+    structure = scene.structure
+    radius = _pin_radius(scene)
+    polylines, circles = [], []
+    labels: dict[str, Label] = {}
+    for part in structure.bodies:
+        for line in _lines(scene, part):
+            polylines.append(_stroke(part.name, line))
+        for joint in part.joints:
+            place = _at(scene, joint)
+            if _partners(structure, joint) > 1:
+                circles.append(Circle(part.name, joint, place, radius))
+            else:
+                polylines += _cross(part.name, joint, place, radius)
+            labels.setdefault(joint, Label(part.name, place, joint))
     return Drawing(
-        title=printable(design.name),
+        title=title,
         layers=[Layer(part.name, "body") for part in structure.bodies],
         polylines=polylines,
         circles=circles,
         labels=list(labels.values()),
-        dimensions=list(measures.values()),
-        notes=notes,
     )
 
 
@@ -200,15 +225,15 @@ def _lines(scene: Scene, part: BodyPart) -> list[np.ndarray]:
     return [*outlines, *scene.strips(part.name)]
 
 
-def _pin_radius(linkage: Linkage, size: float) -> float:
+def _pin_radius(scene: Scene) -> float:
     """Of all pins, mm: files give places of pins, not their diameters."""
     apart = [
-        abs(second - first)
-        for part in linkage.structure.bodies
-        for first, second in itertools.combinations(own_places(linkage, part).values(), 2)
+        math.dist(scene.joints[first], scene.joints[second])
+        for part in scene.structure.bodies
+        for first, second in itertools.combinations(part.joints, 2)
     ]
-    clear = [APART * distance for distance in apart if distance > COINCIDENT * size]
-    return round_down(min([PIN * size, *clear]))
+    clear = [APART * distance for distance in apart if distance > COINCIDENT * scene.size]
+    return round_down(min([PIN * scene.size, *clear]))
 
 
 def _partners(structure: Structure, joint: str) -> int:
@@ -218,11 +243,11 @@ def _partners(structure: Structure, joint: str) -> int:
     return moving + sliding + (joint in structure.fixed_joints)
 
 
-def _cross(layer: str, place: Place, radius: float) -> list[Polyline]:
+def _cross(layer: str, joint: str, place: Place, radius: float) -> list[Polyline]:
     x, y = place
     return [
-        Polyline(layer, [(x - radius, y), (x + radius, y)]),
-        Polyline(layer, [(x, y - radius), (x, y + radius)]),
+        Polyline(layer, [(x - radius, y), (x + radius, y)], name=joint),
+        Polyline(layer, [(x, y - radius), (x, y + radius)], name=joint),
     ]
 
 
@@ -234,3 +259,8 @@ def _stroke(layer: str, line: np.ndarray) -> Polyline:
 
 def _place(place: complex) -> Place:
     return place.real, place.imag
+
+
+def _at(scene: Scene, joint: str) -> Place:
+    x, y = scene.joints[joint].tolist()
+    return x, y

@@ -16,7 +16,7 @@ from designopt.plot.typesetting import drawn_name
 from designopt.solution import Solution
 from kinematics.model.linkage import Linkage
 from kinematics.model.topology import InputPart
-from kinematics.plot.drawing import Scene, draw_pose, offsets_of, widen
+from kinematics.plot.drawing import draw_pose, offsets_of, widen
 from kinematics.plot.label_layout import turned
 from kinematics.plot.motion_figures import (
     Inputs,
@@ -25,9 +25,9 @@ from kinematics.plot.motion_figures import (
     path_of,
     pose_at,
     shape_of,
-    traced_joints,
     travel_of,
 )
+from kinematics.plot.scene import Scene, traced_joints
 from kinematics.solve.solver import Pose
 
 FPS = 20

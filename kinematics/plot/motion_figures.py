@@ -19,9 +19,10 @@ from designopt.plot.figures import new_figure, trim
 from designopt.plot.typesetting import drawn_name
 from designopt.solution import Solution
 from kinematics.model.linkage import Linkage
-from kinematics.model.topology import WORLD, Structure
-from kinematics.plot.drawing import CURVES, ROOM, Travel, body_colors, draw_pose, widen
-from kinematics.plot.symbols import GRAY, Points, tint
+from kinematics.model.topology import Structure
+from kinematics.plot.drawing import CURVES, ROOM, body_colors, draw_pose, widen
+from kinematics.plot.scene import Points, Travel, traced_joints
+from kinematics.plot.symbols import GRAY, tint
 from kinematics.solve.solver import Pose
 
 Inputs = Float[Array | np.ndarray, "poses inputs"]
@@ -110,17 +111,6 @@ def shape_of(reach: Points) -> tuple[bool, float]:
     if height > 0.9 * width:
         return False, float(min(4.9 * height / width + 0.9, 6.6))
     return True, float(max(6.5 * height / width + 1.3, 2.4))
-
-
-def traced_joints(structure: Structure) -> list[str]:
-    """Joints whose curves are worth drawing; see `motion_figure`."""
-    fixed = set(structure.fixed_joints)
-    moving = [joint for joint in structure.joints if joint not in fixed]
-    turning = {j for part in structure.moving if fixed & {*part.joints} for j in part.joints}
-    straight = {part.joint for part in structure.sliders if structure.node(part.on) == WORLD}
-    # A slider's fixed line is drawn anyway.
-    free = [joint for joint in moving if joint not in straight]
-    return [joint for joint in free if joint not in turning] or free or moving
 
 
 def _add_legend(

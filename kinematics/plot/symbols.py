@@ -7,23 +7,19 @@ the scale of the drawing.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
+from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch, Polygon
 from matplotlib.path import Path
 from matplotlib.patheffects import withTickedStroke
 from matplotlib.transforms import Affine2D, ScaledTranslation, Transform
 
-from designopt.plot.quick_line import QuickLine
-
-Points = Float[np.ndarray, "_ 2"]
-Place = Float[np.ndarray, "2"]
+from kinematics.plot.scene import Place, Points
 
 INK, GRAY, PAPER = "#222222", "#8A8A8A", "white"
 BAR, STRIP, HOLE, EDGE = 7.0, 15.0, 9.5, 0.9
@@ -39,29 +35,6 @@ def tint(color: str, white: float = 0.72) -> tuple[float, float, float]:
     """A colour mixed with so much white."""
     red, green, blue = (white + (1 - white) * part for part in to_rgb(color))
     return red, green, blue
-
-
-def hull(points: Points) -> Points:
-    """Corners of the convex hull, counter-clockwise; the two ends of points in one line.
-
-    Source: A. M. Andrew, Another efficient algorithm for convex hulls in two dimensions, 1979.
-    """
-    order = [points[i] for i in np.lexsort((points[:, 1], points[:, 0]))]
-    rounding = 1e-12 * float(np.ptp(points, axis=0).max()) ** 2
-
-    def chain(sorted_points: Iterable[Place]) -> list[Place]:
-        corners: list[Place] = []
-        for point in sorted_points:
-            while len(corners) >= 2 and _cross(corners[-2], corners[-1], point) <= rounding:
-                corners.pop()
-            corners.append(point)
-        return corners[:-1]
-
-    return np.array(chain(order) + chain(reversed(order)))
-
-
-def _cross(a: Place, b: Place, c: Place) -> float:
-    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
 def anchored(axes: Axes, place: Place) -> Transform:
@@ -113,7 +86,7 @@ def stroke(
     axes: Axes, line: Points, color: Any, width: float, z: float, gid: str, **style: Any
 ) -> None:
     """A line with round ends and corners."""
-    artist = QuickLine(line[:, 0], line[:, 1], color=color, linewidth=width, zorder=z, **style)
+    artist = Line2D(line[:, 0], line[:, 1], color=color, linewidth=width, zorder=z, **style)
     artist.set(solid_capstyle="round", solid_joinstyle="round", gid=gid)
     add(axes, artist)
 
@@ -129,7 +102,7 @@ def point(axes: Axes, name: str, place: Place, z: float, color: str) -> None:
 
 
 def _dot(axes: Axes, name: str, place: Place, z: float, size: float, edge: str, face: str) -> None:
-    artist = QuickLine([place[0]], [place[1]], marker="o", color=edge, markerfacecolor=face)
+    artist = Line2D([place[0]], [place[1]], marker="o", color=edge, markerfacecolor=face)
     artist.set(markersize=size, markeredgewidth=1.1, zorder=z, gid=f"joint:{name}")
     add(axes, artist)
 
@@ -139,7 +112,7 @@ def ground(axes: Axes, place: Place, z: float) -> None:
     at = anchored(axes, place)
     triangle = Path([*GROUND, GROUND[0]], closed=True)
     add(axes, PathPatch(triangle, fc=PAPER, ec=INK, lw=1.0, transform=at, zorder=z, gid="ground"))
-    base = QuickLine([-11.0, 11.0], [GROUND[1, 1]] * 2, transform=at, zorder=z)
+    base = Line2D([-11.0, 11.0], [GROUND[1, 1]] * 2, transform=at, zorder=z)
     _hatch(axes, base)
 
 
@@ -157,13 +130,11 @@ def track(axes: Axes, ends: Points, z: float) -> None:
     down = np.array([step[1], -step[0]]) / math.hypot(*step) * BLOCK[1] / 2 / 72
     figure: Any = axes.figure
     shift = ScaledTranslation(float(down[0]), float(down[1]), figure.dpi_scale_trans)
-    base = QuickLine(
-        ends[:, 0], ends[:, 1], transform=axes.transData + shift, zorder=z, gid="track"
-    )
+    base = Line2D(ends[:, 0], ends[:, 1], transform=axes.transData + shift, zorder=z, gid="track")
     _hatch(axes, base)
 
 
-def _hatch(axes: Axes, line: QuickLine) -> None:
+def _hatch(axes: Axes, line: Line2D) -> None:
     line.set(color=INK, linewidth=1.0)
     strokes = withTickedStroke(spacing=4.0, angle=-130, length=1.0, linewidth=0.7)
     line.set_path_effects([strokes])

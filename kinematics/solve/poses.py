@@ -127,7 +127,17 @@ def solve_poses(
 
 
 def _solve_one(solver: Solver, drive: Drive, finite: Bool[Array, ""]) -> Solution[Pose]:
-    state = solver.state(drive)
+    return pose_solution(solver, solver.state(drive), finite)
+
+
+def pose_solution(solver: Solver, state: State, finite: Bool[Array, ""]) -> Solution[Pose]:
+    """The pose of a state, as `solve_poses` returns it.
+
+    Args:
+        solver: which computed the state.
+        state: of one pose.
+        finite: whether its inputs are numbers.
+    """
     margin, result = _result_of(state, finite)
     return Solution(solver.pose(state), margin * solver.size, closure(state), result)
 

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from designopt.numerics import as_float
-from designopt.vectors import fold_angle
+from designopt.solution import Solution
+from designopt.vectors import Vector, fold_angle
 from kinematics.model.linkage import Linkage
 from kinematics.solve.continuation import smallest_singular_value
 from kinematics.solve.evaluation import group_columns
-from kinematics.solve.solver import Solver, each_pose
+from kinematics.solve.poses import pose_solution
+from kinematics.solve.solver import Pose, Solver, each_pose
+from kinematics.solve.steps import Group
 
 
 class Transmission(eqx.Module):
@@ -62,18 +65,48 @@ def solve_transmission(
 
     def one(values: Float[Array, " inputs"]) -> Transmission:
         state = solver.state(solver.drive(values))
-        angles, indices = {}, {}
-        for group in solver.plan.groups:
-            rows = group_columns(state, group)
+        columns = {group: group_columns(state, group) for group in solver.plan.groups}
+        indices = {}
+        for group, rows in columns.items():
             matrix = [[getattr(c, axis) for c in row] for row in rows for axis in ("x", "y")]
             indices[group.index] = smallest_singular_value(
                 jnp.stack([jnp.stack(line) for line in matrix])
             )
-            if group.pin is not None:
-                first, second = rows[0]
-                angle = fold_angle(first, second)
-                # A pin of three bodies may serve two groups: the worse one counts.
-                angles[group.pin] = jnp.minimum(angles.get(group.pin, angle), angle)
-        return Transmission(angles, indices)
+        return Transmission(_pin_angles(columns), indices)
 
     return each_pose(one, inputs)
+
+
+def solve_poses_and_angles(
+    linkage: Linkage, inputs: Float[Array, "*batch inputs"]
+) -> tuple[Solution[Pose], dict[str, Float[Array, "*batch"]]]:
+    """What `solve_poses` returns, and the angles of `solve_transmission`, each pose solved once.
+
+    Args:
+        linkage: the linkage.
+        inputs: values of the inputs, rad or mm.
+    """
+    inputs = as_float(inputs)
+    solver = Solver.of(linkage, inputs.dtype)
+
+    def one(values: Float[Array, " inputs"]) -> tuple[Solution[Pose], dict[str, Array]]:
+        state = solver.state(solver.drive(values))
+        pins = [group for group in solver.plan.groups if group.pin is not None]
+        angles = _pin_angles({group: group_columns(state, group) for group in pins})
+        return pose_solution(solver, state, jnp.all(jnp.isfinite(values))), angles
+
+    return each_pose(one, inputs)
+
+
+def _pin_angles(
+    columns: Mapping[Group, Sequence[Sequence[Vector]]],
+) -> dict[str, Float[Array, ""]]:
+    """The angles at the pins of groups, of the derivatives of their loops by their unknowns."""
+    angles: dict[str, Array] = {}
+    for group, rows in columns.items():
+        if group.pin is not None:
+            first, second = rows[0]
+            angle = fold_angle(first, second)
+            # A pin of three bodies may serve two groups: the worse one counts.
+            angles[group.pin] = jnp.minimum(angles.get(group.pin, angle), angle)
+    return angles

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
+from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
 from jaxtyping import Array, Float
+from kinematics.explore.bench import LinkageBench
+from optics.explore.scene_bench import SceneBench
 
 from designopt.errors import UserError
-from designopt.explore.bench import Bench, Knob, Reading, Shown, Step, Values
 from designopt.io.spec import SpecFile
-from kinematics.explore.bench import LinkageBench
 from kinematics.model.linkage import Linkage
 from kinematics.solve.poses import solve_poses
-from optics.explore.scene_bench import SceneBench
 from studies.models.designed import designed_linkage, designed_scene
 from studies.models.finger import Finger
 from studies.models.finger_parts import PHALANGES

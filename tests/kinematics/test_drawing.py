@@ -20,8 +20,8 @@ from kinematics.plot import animation
 from kinematics.plot.animation import save_animation
 from kinematics.plot.drawing import draw_pose
 from kinematics.plot.label_layout import label_offsets
-from kinematics.plot.motion_figures import motion_figure, pose_at, traced_joints
-from kinematics.plot.symbols import hull
+from kinematics.plot.motion_figures import motion_figure, pose_at
+from kinematics.plot.scene import hull, traced_joints
 from tests.kinematics.gallery import NAMES, gallery, poses_of
 
 

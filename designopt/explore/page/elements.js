@@ -1,0 +1,38 @@
+// Making elements. Names reach the page as text alone, never as markup.
+
+const SVG = 'http://www.w3.org/2000/svg';
+
+export const find = (id) => document.getElementById(id);
+
+const make = (element, attributes, content) => {
+  for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+  element.append(...content);
+  return element;
+};
+
+// An HTML element; content is texts and elements.
+export const html = (tag, attributes = {}, ...content) =>
+  make(document.createElement(tag), attributes, content);
+
+export const svg = (tag, attributes = {}, ...content) =>
+  make(document.createElementNS(SVG, tag), attributes, content);
+
+export const button = (text, label, action) => {
+  const made = html('button', { type: 'button', 'aria-label': label, title: label }, text);
+  made.addEventListener('click', action);
+  return made;
+};
+
+// Six significant digits, as the server writes readouts.
+export const numberText = (value) => String(Number(value.toPrecision(6)));
+
+export const withUnit = (text, unit) => (unit ? `${text} ${unit}` : text);
+
+// Show a text beside the pointer; an empty one hides what was there.
+export function tell(event, text) {
+  const tip = find('tip');
+  tip.textContent = text;
+  tip.hidden = !text;
+  tip.style.left = `${Math.max(Math.min(event.clientX + 14, innerWidth - tip.offsetWidth - 8), 4)}px`;
+  tip.style.top = `${Math.max(event.clientY - tip.offsetHeight - 10, 4)}px`;
+}

@@ -1,0 +1,64 @@
+"""A thread that computes while the server goes on answering."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+from contextlib import suppress
+from typing import Any
+
+Job = Callable[[], Any]
+Done = Callable[[Future], None]
+
+
+class Worker:
+    """A thread that computes one job after another, with JAX in float64.
+
+    A job takes the place of one that still waits under the same name.
+    """
+
+    def __init__(self) -> None:
+        self._jobs: dict[str, tuple[Job, Done]] = {}
+        self._changed = threading.Condition()
+        self._ended = False
+        self._loop = asyncio.get_running_loop()
+        # A daemon: an interrupt must not wait for what XLA compiles.
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def submit(self, name: str, job: Job, done: Done) -> None:
+        """Compute a job; its result, or what it raised, goes to ``done`` in the event loop."""
+        with self._changed:
+            self._jobs[name] = job, done
+            self._changed.notify()
+
+    def end(self) -> None:
+        """Begin no further job."""
+        with self._changed:
+            self._ended = True
+            self._changed.notify()
+
+    def join(self) -> None:
+        """Wait for the last job."""
+        self._thread.join()
+
+    def _run(self) -> None:
+        import jax
+
+        with jax.enable_x64(True):  # which holds for one thread
+            while (found := self._next()) is not None:
+                job, done = found
+                future: Future[Any] = Future()
+                try:
+                    future.set_result(job())
+                except Exception as error:
+                    future.set_exception(error)
+                with suppress(RuntimeError):  # the loop may have ended meanwhile
+                    self._loop.call_soon_threadsafe(done, future)
+
+    def _next(self) -> tuple[Job, Done] | None:
+        with self._changed:
+            self._changed.wait_for(lambda: self._jobs or self._ended)
+            return None if self._ended else self._jobs.pop(next(iter(self._jobs)))

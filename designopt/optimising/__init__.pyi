@@ -1,0 +1,3 @@
+from .optimise import optimise
+
+__all__ = ["optimise"]

@@ -1,0 +1,1 @@
+"""A linkage as named distances: what ``designopt optimise`` and ``designopt explore`` change."""
