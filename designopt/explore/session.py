@@ -133,7 +133,7 @@ class Session:
             "message": "",
             "note": "",
             "note_is_fault": False,
-            "requirements": [[str(one), None, None, None] for one in design.requirements],
+            "requirements": [],  # what a design asks for may follow from what it is judged to be
             "judging": True,
             "measured": {},
             "optimising": "",

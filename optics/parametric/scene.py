@@ -197,7 +197,11 @@ class SceneParameters(ParametricDesign):
         return {name: self._part(name, arrays) for name in of}
 
     def judge(self, values: Values) -> dict[str, float]:
-        """As `ParametricDesign.judge`: exactly, and at more poses than a search looks at."""
+        """As `ParametricDesign.judge`: exactly, and at more poses than a search looks at.
+
+        The requirements are found with it, which compiles nothing more.
+        """
+        _ = self.requirements
         self.tables(values)
         return self._judged(values, tuple(measure.name for measure in self.measures))
 
@@ -273,17 +277,20 @@ class SceneParameters(ParametricDesign):
 
             return where
 
-        kinds = [("coverage", "", "part of a pad that is seen", 1.0)]
-        kinds += [("px_per_mm", "px/mm", "resolution of what is seen of a pad", self._nominal)]
-        for kind, unit, what, scale in kinds:
+        kinds = [("coverage", "", "part of a pad that is seen", 1.0, 1.0)]
+        sharp = "resolution of what is seen of a pad"
+        kinds += [("px_per_mm", "px/mm", sharp, self._nominal, math.inf)]
+        for kind, unit, what, scale, most in kinds:
+            words: dict[str, Any] = {"scale": scale, "limits": (-math.inf, most)}
             several = over([f"pad '{name}'" for name in pads])
-            yield Measure(kind, unit, f"least {what}", scale=scale, where=several)
+            yield Measure(kind, unit, f"least {what}", where=several, **words)
             for name in pads:
                 what_of = what.replace("a pad", f"pad '{name}'")
-                yield Measure(f"{kind}.{name}", unit, what_of, scale=scale, where=over(()))
+                yield Measure(f"{kind}.{name}", unit, what_of, where=over(()), **words)
         if camera.lens is not None:
             what = "diameter of the largest blur spot on what is seen"
-            yield Measure("blur", "px", what, "greatest", where=over([f"pad '{n}'" for n in pads]))
+            where = over([f"pad '{name}'" for name in pads])
+            yield Measure("blur", "px", what, "greatest", limits=(0.0, math.inf), where=where)
         if camera.module is not None:
             parts = [
                 layout.title(i) for i in range(len(layout.mirrors + layout.pads + layout.blockers))
@@ -298,6 +305,7 @@ class SceneParameters(ParametricDesign):
                 "length of the longest mirror",
                 "greatest",
                 scale=_reach(design),
+                limits=(0.0, math.inf),
                 where=lambda index: mirrors[index[0]],
             )
 
