@@ -8,6 +8,9 @@ import re
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -26,35 +29,40 @@ QUICK_TO_COMPILE = {
 }
 """What small settings are compiled with: in two thirds of the time, as the tests are."""
 
-ESCAPES = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
+ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
 
-def run_notebook(path: Path, *, full: bool) -> nbformat.NotebookNode:
+def run_notebook(path: Path) -> nbformat.NotebookNode:
     """A notebook with the outputs of its cells, run in an empty folder.
 
     Raises:
         nbclient.exceptions.CellExecutionError: a cell failed.
     """
-    notebook: Any = nbformat.read(path, as_version=4)
-    # A kernel inherits this process's environment, in which the commands of this Python come first.
+    begin, notebook = time.perf_counter(), nbformat.read(path, as_version=4)
+    with tempfile.TemporaryDirectory() as folder:
+        NotebookClient(
+            notebook,
+            timeout=TIMEOUT,
+            startup_timeout=TIMEOUT,
+            kernel_name="python3",
+            extra_arguments=["--log-level=ERROR"],
+            resources={"metadata": {"path": folder}},
+        ).execute()
+    print(f"{path.name}: {time.perf_counter() - begin:.0f} s", flush=True)
+    return notebook
+
+
+@contextmanager
+def environment(*, full: bool) -> Iterator[None]:
+    """Meanwhile kernels find the commands of this Python first, and the settings asked for."""
     before = dict(os.environ)
     os.environ["PATH"] = os.pathsep.join([os.path.dirname(sys.executable), before["PATH"]])
     os.environ |= {SETTINGS: "full"} if full else {SETTINGS: "small", **QUICK_TO_COMPILE}
     try:
-        with tempfile.TemporaryDirectory() as folder:
-            client = NotebookClient(
-                notebook,
-                timeout=TIMEOUT,
-                startup_timeout=TIMEOUT,
-                kernel_name="python3",
-                extra_arguments=["--log-level=ERROR"],
-                resources={"metadata": {"path": folder}},
-            )
-            client.execute()
+        yield
     finally:
         os.environ.clear()
         os.environ.update(before)
-    return notebook
 
 
 def notebook_page(notebook: nbformat.NotebookNode, name: str, folder: Path) -> str:
@@ -65,16 +73,15 @@ def notebook_page(notebook: nbformat.NotebookNode, name: str, folder: Path) -> s
             text += cell.source + "\n\n"
             continue
         text += f"```python\n{cell.source}\n```\n\n"
+        streams = [one for one in cell.outputs if one.output_type == "stream"]
+        text += _shown("".join(one.text for one in streams if one.name == "stdout"))
         for output in cell.outputs:
-            text += _output(output, f"{name}-{text.count('![')}", folder)
+            if output.output_type != "stream":
+                text += _output(output, f"{name}-{text.count('![')}", folder)
     return f"{text}\n[Download this notebook]({name}.ipynb){{ download }}\n"
 
 
 def _output(output: Any, picture: str, folder: Path) -> str:
-    if output.output_type == "stream":
-        if output.name == "stderr":
-            return ""
-        return _shown(output.text)
     data = output.get("data", {})
     if "image/svg+xml" in data:
         (folder / f"{picture}.svg").write_text(data["image/svg+xml"], encoding="utf-8")
@@ -86,16 +93,22 @@ def _output(output: Any, picture: str, folder: Path) -> str:
 
 
 def _shown(text: str) -> str:
-    return f"```text\n{ESCAPES.sub('', text).rstrip()}\n```\n\n"
+    # What a terminal would show in the end: of a line that was written anew, the last state.
+    lines = [line.rstrip("\r").rpartition("\r")[2] for line in ESCAPES.sub("", text).split("\n")]
+    shown = "\n".join(line for line in lines if line.strip())
+    return f"```text\n{shown}\n```\n\n" if shown else ""
 
 
 def write_tutorials(source: Path, target: Path, *, full: bool, run: bool) -> None:
-    """Write a page for every notebook, with its outputs where it is ``run``."""
+    """Write a page for every notebook, with its outputs where it is ``run``, two at a time."""
     target.mkdir(parents=True, exist_ok=True)
-    for path in sorted(source.glob("*.ipynb")):
-        begin = time.perf_counter()
-        notebook = run_notebook(path, full=full) if run else nbformat.read(path, as_version=4)
+    paths = sorted(source.glob("*.ipynb"))
+    if run:
+        with environment(full=full), ThreadPoolExecutor(2) as pool:
+            notebooks = list(pool.map(run_notebook, paths))
+    else:
+        notebooks = [nbformat.read(path, as_version=4) for path in paths]
+    for path, notebook in zip(paths, notebooks, strict=True):
         page = notebook_page(notebook, path.stem, target)
         (target / f"{path.stem}.md").write_text(page, encoding="utf-8")
         (target / path.name).write_bytes(path.read_bytes())
-        print(f"{path.name}: {time.perf_counter() - begin:.0f} s")

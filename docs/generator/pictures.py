@@ -23,7 +23,7 @@ POSTURE = "pip=35,dip=45"
 """In which the section and the camera's picture are drawn, degrees."""
 
 
-def _run(*words: str | Path) -> None:
+def _run(*words: object) -> None:
     given: Sequence[str] = [str(word) for word in words]
     if cli.run(list(given)) != 0:
         raise RuntimeError(f"designopt {' '.join(given)} has failed")

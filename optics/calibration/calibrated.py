@@ -78,7 +78,7 @@ class LensTable(Spec):
     projection: Coefficients
     """k₁, k₂, … of Kannala and Brandt."""
     pupil_shift: tuple[Number, Number]
-    """e₂ and e₄ of the moving entrance pupil, mm per rad² and rad⁴."""
+    """e₂ and e₄ of the moving entrance pupil, mm per rad² and per rad⁴."""
     widest_deg: Annotated[Number, pydantic.Field(gt=0, le=180)]
     """Largest angle from the axis at which a corner was seen, degrees."""
     noise_px: Annotated[Number, pydantic.Field(ge=0)]
