@@ -202,9 +202,13 @@ class FingerExplorer(Explorer):
             return None
         scene = self._scene_of(numbers)
         rest = (np.asarray(numbers).tobytes(), self._column, rows[1:].tobytes())
+        calls: list[Any] = [partial(look_at, scene, rows[0])]
         if rest != self._curve_of:
-            self._curve, self._curve_of = np.asarray(self._cover(scene, rows[1:])), rest
-        return scene, look_at(scene, rows[0])
+            calls.append(lambda: np.asarray(self._cover(scene, rows[1:])))
+        seen, *curve = side_by_side(calls)
+        if curve:
+            [self._curve], self._curve_of = curve, rest
+        return scene, seen
 
     @property
     def _joint(self) -> Parameter:
