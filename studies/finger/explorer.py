@@ -83,7 +83,7 @@ class FingerExplorer(Explorer):
     A coupled finger has no DIP of its own.
     """
 
-    design: FingerParametric
+    design: FingerParametric  # pyright: ignore[reportIncompatibleVariableOverride]
 
     def __init__(self, design: FingerParametric) -> None:
         """Nothing is compiled yet.
@@ -166,7 +166,7 @@ class FingerExplorer(Explorer):
             notes |= pad_notes(scene, seen)
             views.append(View(SEEN, with_light(drawing, scene, rows[0], seen), handles, notes))
             readouts += seen_readouts(scene.layout, seen)
-            curves = dict(zip(PHALANGES, 100 * self._curve.T, strict=True))
+            curves = {str(pad): 100 * self._curve[:, i] for i, pad in enumerate(PHALANGES)}
             charts.append(self._chart(COVERAGE, "coverage (%)", curves, 100.0))
             messages += [part for pair in seen.remarks[:1] for part in pair]
         return ExplorerState(readouts, [*views, *charts], "; ".join(messages))
@@ -202,9 +202,13 @@ class FingerExplorer(Explorer):
             return None
         scene = self._scene_of(numbers)
         rest = (np.asarray(numbers).tobytes(), self._column, rows[1:].tobytes())
+        calls: list[Any] = [partial(look_at, scene, rows[0])]
         if rest != self._curve_of:
-            self._curve, self._curve_of = np.asarray(self._cover(scene, rows[1:])), rest
-        return scene, look_at(scene, rows[0])
+            calls.append(lambda: np.asarray(self._cover(scene, rows[1:])))
+        seen, *curve = side_by_side(calls)
+        if curve:
+            [self._curve], self._curve_of = curve, rest
+        return scene, seen
 
     @property
     def _joint(self) -> Parameter:
@@ -289,7 +293,7 @@ def _now(swept: Swept) -> LinkageScene:
 def _linkage_readouts(swept: Swept) -> list[Readout]:
     ok = bool(swept.poses.ok[0])
     found = {f"{name}": (np.degrees(each[0]), "°") for name, each in swept.angles.items()}
-    found["from lock-up"] = (swept.poses.margin[0], "mm")
+    found["from lock-up"] = (np.asarray(swept.poses.margin)[0], "mm")
     return [Readout(name, float(one) if ok else None, unit) for name, (one, unit) in found.items()]
 
 

@@ -148,6 +148,10 @@ def test_refusals():
             ask(wrong)
 
 
+def missed_by(design, own):
+    return shortfalls(design, own, design.requirements)
+
+
 def worst(design, found):
     """What counts of every measure."""
     ends = {"least": np.min, "greatest": np.max}
@@ -164,7 +168,7 @@ def test_a_linkage_is_evaluated_as_it_is_judged(linkage):
     own = linkage.judge(linkage.values())
     verdict = judged(packaged_finger(), LimitsSpec(), MotorSpec())
     assert own["min_transmission"] == verdict.least_deg
-    assert shortfalls(linkage, own) == []
+    assert missed_by(linkage, own) == []
     checks: dict[str, Check] = {one.name: one for one in verdict.checks}
     for bound in linkage.requirements:
         if bound.label in checks:
@@ -200,13 +204,13 @@ def test_slopes_of_a_linkage_are_differences(linkage):
 def test_the_packaged_finger_meets_all_its_requirements(designed):
     own = designed.judge(designed.values())
     assert {*own} == {one.name for one in designed.measures}
-    assert shortfalls(designed, own) == []
+    assert missed_by(designed, own) == []
     assert own["coverage"] == 1.0
     for check in clearance_checks(packaged_finger(), 1.5):
         assert own[check.name.replace(" ", "_")] == check.achieved
     # What the outside check found: pin F at the palmar face, the camera at the dorsal one.
     bad = designed.values() | {"pins.F.y": -3.5, "camera.depth": 0.5}
-    labels = [bound.label for bound, _ in shortfalls(designed, designed.judge(bad))]
+    labels = [bound.label for bound, _ in missed_by(designed, designed.judge(bad))]
     assert "pin F inside the palmar face" in labels
     assert "camera inside the wall of the back" in labels
 
@@ -227,13 +231,13 @@ def test_a_search_keeps_what_the_finger_requires(designed):
     """From a pin at a face, a mirror askew and a camera at the back."""
     start = designed.values() | {"pins.F.y": -3.0, "camera.depth": 2.0}
     start["mirrors.distal.to.depth"] -= 5.0
-    missed = shortfalls(designed, designed.judge(start))
+    missed = missed_by(designed, designed.judge(start))
     assert missed
     *_, last = search(designed, start, "min_transmission", free_parameters(designed))
     result = last.result
     assert result is not None
     assert result.missed == ()
-    assert shortfalls(designed, designed.judge(result.values)) == []
+    assert missed_by(designed, designed.judge(result.values)) == []
     assert result.judged["pin_F_inside_the_palmar_face"] >= 3.7 - 1e-6
     verdict = judged(designed.finger(result.values), LimitsSpec(), MotorSpec())
     assert all(check.slack >= -1e-5 for check in verdict.checks)

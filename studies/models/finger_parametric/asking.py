@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
@@ -45,13 +45,13 @@ class Asked:
 class Aspect(Protocol):
     """Linkage or optics of a finger."""
 
-    asked: Sequence[Asked]
+    asked: list[Asked]
     """All measures of it."""
 
     concerned: tuple[str, ...]
     """What the names of the parameters begin with on which it depends."""
 
-    gaps: Mapping[str, float]
+    gaps: dict[str, float]
     """Names of its clearances, and what parts take of each, mm."""
 
     def evaluate(self, finger: Finger, of: frozenset[str]) -> Arrays:

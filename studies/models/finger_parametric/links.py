@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 from designopt.vectors import Vector, fold_angle, rotation, vector
 from kinematics.solve.clearance import find_separation
-from studies.models.finger import Finger, linkage_pins, links_of
+from studies.models.finger import Finger, coupling_pins_of, linkage_pins, links_of
 from studies.models.finger_parametric.asking import Arrays, Asked, achieved, asking, joined
 from studies.models.finger_parts import FingerSpring
 from studies.models.link_layers import Links, Meeting
@@ -108,7 +108,7 @@ class LinkageAspect:
         gaps: the clearances; half a bar and the shell lie between a pin's axis and a face.
     """
 
-    concerned = ("pins.", "body.", "spring.")
+    concerned: tuple[str, ...] = ("pins.", "body.", "spring.")
 
     def __init__(self, finger: Finger, limits: LimitsSpec, motor: MotorSpec) -> None:
         """Measures and requirements of a linkage.
@@ -125,7 +125,7 @@ class LinkageAspect:
         self._pairs = pairs_on_links(linkage_pins(finger).names, finger.kind)
         # All that a judgement has, so that both have the same requirements.
         self._meetings = (*dict.fromkeys([*find_free_meetings(made), *find_face_meetings(made)]),)
-        self.gaps: dict[str, float] = {}
+        self.gaps = dict[str, float]()
         self.asked = [
             *self._transmission(made),
             *self._motion(),
@@ -267,7 +267,7 @@ class LinkageAspect:
         found[TIP] = motor.moment * limits.tip_force / moment
         found |= _strength(finger, loads)
         at, axis_b = postures.places, Vector(body.intermediate, jnp.zeros(()))
-        q = vector(linkage_pins(finger).Q) - axis_b
+        q = vector(coupling_pins_of(finger).Q) - axis_b
         found |= _inside(finger, at | {"Q": q})
         found |= find_all_clearances(finger, at, self._meetings)
         found[WALLS] = find_wall_gap(finger, at)
@@ -343,7 +343,7 @@ def find_all_clearances(
         *(one.shape[:-2] for one in hulls[1]), *(one.shape[:-2] for one in hulls[0])
     )
 
-    def stacked(found: Sequence[Array]) -> Float[Array, "meetings ... corners 2"]:
+    def stacked(found: Sequence[Array]) -> Float[Array, "meetings *batch corners 2"]:
         """With the last corner once more where one has fewer, which adds nothing to a hull."""
         whole = (jnp.broadcast_to(one, (*batch, *one.shape[-2:])) for one in found)
         most = max(one.shape[-2] for one in found)

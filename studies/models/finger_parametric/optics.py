@@ -58,7 +58,7 @@ class OpticsAspect:
         gaps: the clearances of mirrors and camera.
     """
 
-    concerned = ("camera.", "mirrors.", "body.")
+    concerned: tuple[str, ...] = ("camera.", "mirrors.", "body.")
 
     def __init__(self, finger: Finger, spec: MirrorSpec) -> None:
         """Measures and requirements of the optics.

@@ -71,8 +71,8 @@ class FingerParameters:
             found = np.broadcast_arrays(np.asarray(part.leaf(finger)), part.low, part.high)
             columns = (np.ravel(one) * part.factor for one in found)
             for name, value, low, high in zip(part.names, *columns, strict=True):
-                ends = min(low, value), max(high, value)
-                parameters.append(Parameter(name, float(value), *map(float, ends), part.unit))
+                least, most = float(min(low, value)), float(max(high, value))
+                parameters.append(Parameter(name, float(value), least, most, part.unit))
         self.parameters = tuple(
             Parameter(one.name, one.value, one.low, one.high, one.unit, _label(one.name))
             for one in parameters
@@ -117,10 +117,8 @@ def _of_pins(finger: Finger) -> list[_Part]:
         _Part(
             lambda one, pin=pin: getattr(one.pins, pin),
             tuple(f"pins.{pin_name(pin)}.{axis}" for axis in "xy"),
-            *(
-                np.array([span, height])
-                for span, height in zip(spans[host], (low, high), strict=True)
-            ),
+            np.array([spans[host][0], low]),
+            np.array([spans[host][1], high]),
         )
         for pin, host in finger.pins.kind.hosts.items()
         if pin in finger.pins.names
@@ -134,7 +132,7 @@ def _of_optics(finger: Finger, spec: MirrorSpec) -> list[_Part]:
     low, high = bounds(finger, spec)
 
     def part(leaf: Leaf, names: Sequence[str], unit: str = "mm") -> _Part:
-        return _Part(leaf, tuple(names), *(np.asarray(leaf(one)) for one in (low, high)), unit)
+        return _Part(leaf, tuple(names), np.asarray(leaf(low)), np.asarray(leaf(high)), unit)
 
     found = [
         part(lambda one: one.camera.along, ["camera.along"]),
@@ -157,7 +155,8 @@ def _of_body(finger: Finger) -> list[_Part]:
     if finger.spring is not None:
         leaves.append(("spring.stiffness", lambda one: one.spring.stiffness, "N mm/rad"))
         leaves.append(("spring.preload", lambda one: one.spring.preload, "rad"))
-    return [
-        _Part(leaf, (name,), *(np.asarray(leaf(finger)) * end for end in (SHORTEST, LONGEST)), unit)
-        for name, leaf, unit in leaves
-    ]
+    found = []
+    for name, leaf, unit in leaves:
+        value = np.asarray(leaf(finger))
+        found.append(_Part(leaf, (name,), SHORTEST * value, LONGEST * value, unit))
+    return found
