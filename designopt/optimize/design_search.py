@@ -1,9 +1,12 @@
 """A design improved in one measure, with every requirement kept: what is found, and what holds it.
 
-The measure is maximised in its epigraph form by an augmented Lagrangian around BFGS, from the
-design as it is and from other starts. What `ParametricDesign.evaluate` finds on its grid is then
-judged by `ParametricDesign.judge`: where that misses a requirement, more of it is asked for, and
-the search goes on, as in an exchange method (R. Hettich, K. O. Kortanek, SIAM Rev. 35 (1993) 380).
+A measure is the least of many pieces (pins, postures), and so are the margins of the requirements.
+Every iteration solves the linear program of their slopes in a box around the design; the box grows
+where the slopes could be trusted, and shrinks where they could not. Designs of this kind end in
+corners, where as many pieces and margins are active as there are parameters, and there such steps
+converge fast. What `ParametricDesign.evaluate` finds on its grid is then judged by
+`ParametricDesign.judge`: where that misses a requirement, more of it is asked for, and the search
+goes on, as in an exchange method (R. Hettich, K. O. Kortanek, SIAM Rev. 35 (1993) 380).
 """
 
 from __future__ import annotations
@@ -12,27 +15,18 @@ import difflib
 import math
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Any
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from scipy.optimize import linprog, nnls
+from scipy.stats import qmc
 
 from designopt.errors import UserError
-from designopt.optimize.augmented_lagrangian import Trace
-from designopt.optimize.flat import Flat
-from designopt.optimize.iterating import Iteration
-from designopt.optimize.optimality import (
-    FEASIBLE,
-    Active,
-    Optimum,
-    OptimumResult,
-    explain_shortfall,
-    find_active_set,
-    make_optimality_check,
-)
+from designopt.optimize.flat import column_slopes
+from designopt.optimize.optimality import STATIONARY, Active
 from designopt.optimize.parametric import (
     Bound,
     Measure,
@@ -40,30 +34,42 @@ from designopt.optimize.parametric import (
     Values,
     shortfalls,
 )
-from designopt.optimize.problem import (
-    EpigraphVariables,
-    Evaluation,
-    Problem,
-    Requirement,
-    make_elastic,
-    make_epigraph,
-)
-from designopt.optimize.starts import draw_sobol_starts
+from designopt.optimize.problem import BOUND
 from designopt.quick_compilation import compile_quickly
 
-UPDATES = 120
-"""Cap on iterations of one search, of a few steps each."""
+UPDATES = 150
+"""Cap on iterations of one search."""
 
-GAIN, PATIENCE = 1e-3, 12
-"""So many iterations that together gain less than this part of the measure's scale end it."""
+RADIUS, SMALLEST = 0.1, 1e-7
+"""Half the side of the first box, in parts of the parameters' ranges, and of the last one."""
+
+ACCEPTED, TRUSTED = 0.1, 0.7
+"""Parts of what the slopes promise: with so much a step is taken, with so much the box grows."""
+
+PENALTIES = (3.0, 30.0, 300.0, 3000.0)
+"""What it costs to miss a requirement by its scale, in scales of the objective: as little as leads
+back to it, for along curved limits a high one leaves small steps only."""
+
+CONVERGED = 1e-9
+"""A step that promises less, in scales, is none."""
+
+GAIN, PATIENCE = 1e-5, 25
+"""So many iterations that together gain less, in scales, end the search."""
+
+HAIR, MET = 1e-7, 5e-8
+"""Requirements are searched with so much of their scale to spare, and are met where no more than
+the other is missed of that."""
 
 ROUNDS, RESERVE = 3, 1.5
 """How often more is asked of what the judge misses, and how many times what is missing."""
 
-MEETING = "meeting the requirements"
+ACTIVE = 1e-5
+"""What is no farther from its limit, in scales or in parts of a range, may hold a design."""
 
-BETTER = 1e-9
-"""A gain of a smaller part of the measure's scale is none."""
+LEAST_SHARE = 0.01
+"""What has a smaller part in all that holds a design is left out."""
+
+MEETING = "meeting the requirements"
 
 
 @dataclass(frozen=True)
@@ -131,8 +137,8 @@ class SearchResult:
         ]
         lines += [f"conflict: {line}" for line in self.conflict]
         lines += [
-            f"held by {one.words}: {amount_text(1.0, one.unit)} less would give "
-            f"{amount_text(one.price, unit)} more"
+            f"held by {one.words}: to ease it by {amount_text(1.0, one.unit)} gives "
+            f"{amount_text(one.price, unit)}"
             for one in self.active
         ]
         return tuple(lines)
@@ -236,8 +242,61 @@ def check_bounds(design: ParametricDesign, keep: Sequence[Bound]) -> None:
             )
 
 
+class _Point(NamedTuple):
+    """A design, and what is asked of it to first order.
+
+    Attributes:
+        place: of the free parameters, in parts of their ranges.
+        pieces: of the objective, in its scale; the least one is made as large as possible.
+        margins: of all requirements, in their measures' scales; not negative where they are met.
+        piece_slopes: of the pieces by the place.
+        margin_slopes: of the margins by the place.
+    """
+
+    place: Float[np.ndarray, " free"]
+    pieces: Float[np.ndarray, " pieces"]
+    margins: Float[np.ndarray, " margins"]
+    piece_slopes: Float[np.ndarray, "pieces free"]
+    margin_slopes: Float[np.ndarray, "margins free"]
+
+    @property
+    def level(self) -> float:
+        """The objective."""
+        return float(np.min(self.pieces))
+
+    @property
+    def missing(self) -> float:
+        """By how much the requirement that is farthest from being met is missed."""
+        return max(-float(np.min(self.margins, initial=0.0)), 0.0)
+
+    @property
+    def rank(self) -> tuple[bool, float]:
+        """Greater is better: what meets all requirements, then the objective."""
+        return (True, self.level) if self.missing <= MET else (False, -self.missing)
+
+    def without_objective(self) -> _Point:
+        """The same, asked for its requirements alone."""
+        return self._replace(pieces=np.zeros(1), piece_slopes=np.zeros((1, self.place.size)))
+
+    def merit(self, penalty: float) -> float:
+        """What every step makes smaller: an exact penalty."""
+        return penalty * self.missing - self.level
+
+    def corrected(self, step: Float[np.ndarray, " free"], then: _Point) -> _Point:
+        """The same with what lines miss of its curves along a step, to second order.
+
+        Args:
+            step: from it.
+            then: where that led.
+        """
+        return self._replace(
+            pieces=then.pieces - self.piece_slopes @ step,
+            margins=then.margins - self.margin_slopes @ step,
+        )
+
+
 class DesignSearch:
-    """Improves one measure of a design from any start, by programs compiled once."""
+    """Improves one measure of a design from any start, by one program that is compiled once."""
 
     def __init__(
         self,
@@ -262,17 +321,16 @@ class DesignSearch:
         if not free:
             raise UserError(f"{design.title}: nothing is free; unlock or name a parameter")
         self.design, self.objective = design, find_measure(design, objective)
+        check_bounds(design, keep)
         self.keep = (*design.requirements, *keep)
-        check_bounds(design, self.keep)
-        self.free = {name: free[name] for name in sorted(free)}  # as JAX orders a dictionary
+        self.free = dict(free)
         names = [one.name for one in design.parameters]
         self._places = np.array([names.index(name) for name in self.free])
+        low, high = np.array([*self.free.values()], float).T
+        self._low, self._span = low, high - low
         asked = (objective, *(bound.measure for bound in self.keep))
         self._asked = tuple(dict.fromkeys(asked))
-        self._problem = self._make_problem(design.vector(design.values()))
-        self._epigraph = make_epigraph(self._problem, scale=self.objective.scale)
-        self._iteration = Iteration(self._epigraph)
-        self._look = compile_quickly(self._looked)
+        self._program = compile_quickly(self._arrays_and_slopes)
 
     def steps(self, values: Values, starts: int = 1, seed: int = 0) -> Iterator[SearchStep]:
         """Iterations from a design on; the last one has the result, which is never worse.
@@ -283,100 +341,259 @@ class DesignSearch:
                 bounds.
             seed: of that sequence.
         """
-        inside = {
-            name: min(max(values[name], low), high) for name, (low, high) in self.free.items()
-        }
-        first = {**values, **inside}
-        data = self.design.vector(first), jnp.zeros(len(self.keep))
-        begins = [{name: jnp.array(first[name], float) for name in self.free}]
+        own = np.array([values[name] for name in self.free])
+        begins = [np.clip((own - self._low) / self._span, 0.0, 1.0)]
         if starts > 1:
-            drawn = draw_sobol_starts(self._problem, starts - 1, seed)
-            begins += [jax.tree.map(lambda leaf, n=n: leaf[n], drawn) for n in range(starts - 1)]
+            sampler = qmc.Sobol(own.size, rng=np.random.default_rng(seed))
+            begins += [*sampler.random_base2((starts - 2).bit_length())[: starts - 1]]
+        full, reserve = self.design.vector(values), np.zeros(len(self.keep))
         before = self._judged(values)
-        if self._look(begins[0], data)[1] > FEASIBLE:
-            conflict, begins = yield from self._make_feasible(begins, data, first)
-            if conflict:
-                yield self._finish(values, before, first, data, conflict, "no search was made")
-                return
+        first = self._named(begins[0], values)
         best, best_judged = first, before if first == values else self._judged(first)
-        found, why = None, ""
-        for number, begin in enumerate(begins):
-            phase = f"search {number + 1} of {len(begins)}" if len(begins) > 1 else "search"
-            end, reason = yield from self._climb(begin, data, first, phase)
-            if found is None or self._rank(end, data) > self._rank(found, data):
-                found, why = end, reason
-        assert found is not None  # as there is a start
+        begins = yield from self._meeting(begins, full, reserve, values)
+        ends = list[tuple[_Point, str]]()
+        for number, begin in enumerate(begins, 1):
+            if self._at(begin, full, reserve).missing > MET:
+                continue
+            phase = f"search {number} of {len(begins)}" if len(begins) > 1 else "search"
+            ends.append((yield from self._climb(begin, full, reserve, values, phase)))
+        if not ends:
+            nearest = min((self._at(b, full, reserve) for b in begins), key=lambda p: p.missing)
+            conflict = self._conflict(nearest)
+            why = "no design was found that meets all requirements, and none was searched from"
+            yield self._finish(values, before, best, best_judged, nearest, conflict, why)
+            return
+        found, why = max(ends, key=lambda end: end[0].rank)
         for again in range(ROUNDS + 1):
-            named = self._named(found, first)
+            named = self._named(found.place, values)
             judged = self._judged(named)
             if self._worth(judged) > self._worth(best_judged):
                 best, best_judged = named, judged
             missed = shortfalls(self.design, judged, self.keep) if judged else []
             if not missed or again == ROUNDS:
                 break
-            reserve = np.array(data[1])
             for bound, margin in missed:
                 reserve[self.keep.index(bound)] -= RESERVE * margin
-            data = data[0], jnp.asarray(reserve)
-            found, why = yield from self._climb(found, data, first, "asking for more")
-        yield self._finish(values, before, best, data, (), why, best_judged)
+            phase = "asking for more"
+            begins = yield from self._meeting([found.place], full, reserve, values)
+            found, why = yield from self._climb(begins[0], full, reserve, values, phase)
+        yield self._finish(values, before, best, best_judged, found, (), why)
 
-    def _make_problem(self, full: Float[Array, " parameters"]) -> Problem:
-        """The problem over the free parameters; its data are all parameters, and reserves."""
-        keep = dict(zip(_labels(self.keep), self.keep, strict=True))
+    # -- the problem ----------------------------------------------------------------------------
+
+    def _arrays_and_slopes(
+        self, place: Float[Array, " free"], full: Float[Array, " parameters"]
+    ) -> tuple[dict[str, Array], dict[str, Array]]:
+        """Every measure asked for, and its slopes by the place, along a last axis."""
+
+        def arrays(place: Float[Array, " free"]) -> dict[str, Array]:
+            values = full.at[self._places].set(self._low + self._span * place)
+            return self.design.evaluate(values, self._asked)
+
+        return column_slopes(arrays, place)
+
+    def _at(self, place: np.ndarray, full: Array, reserve: np.ndarray) -> _Point:
+        arrays, slopes = jax.tree.map(np.asarray, self._program(jnp.asarray(place), full))
         sign = 1.0 if self.objective.worst == "least" else -1.0
+        own, size = self.objective.name, place.size
+        margins, margin_slopes = [np.zeros(0)], [np.zeros((0, size))]
+        for bound, more in zip(self.keep, reserve, strict=True):
+            scale = self._measure(bound).scale
+            side = 1.0 if bound.relation == ">=" else -1.0
+            margins.append((side * (arrays[bound.measure].ravel() - bound.value) - more) / scale)
+            margin_slopes.append(side * slopes[bound.measure].reshape(-1, size) / scale)
+        return _Point(
+            place,
+            sign * arrays[own].ravel() / self.objective.scale,
+            np.concatenate(margins) - HAIR,
+            sign * slopes[own].reshape(-1, size) / self.objective.scale,
+            np.concatenate(margin_slopes),
+        )
 
-        def terms(
-            free: dict[str, Array],
-            full: Float[Array, " parameters"],
-            reserve: Float[Array, " keep"],
-        ) -> Evaluation:
-            changed = full.at[self._places].set(jnp.stack([*free.values()]))
-            arrays = self.design.evaluate(changed, self._asked)
-            margins = {}
-            for number, (label, bound) in enumerate(keep.items()):
-                side = 1.0 if bound.relation == ">=" else -1.0
-                over = side * (arrays[bound.measure] - bound.value) - reserve[number]
-                margins[label] = over / self._measure(bound).scale
-            return Evaluation(
-                least={self.objective.name: sign * arrays[self.objective.name]},
-                inequalities=margins,
-            )
+    def _rows(self) -> Iterator[tuple[str, Bound, tuple[int, ...]]]:
+        """Of every margin: its requirement with its name, and the index in that measure's array."""
+        shapes = jax.eval_shape(
+            lambda values: self.design.evaluate(values, self._asked),
+            self.design.vector(self.design.values()),
+        )
+        for label, bound in zip(_labels(self.keep), self.keep, strict=True):
+            for index in np.ndindex(shapes[bound.measure].shape):
+                yield label, bound, index
 
-        requirements = {}
-        for label, bound in keep.items():
+    # -- the search -----------------------------------------------------------------------------
+
+    def _meeting(
+        self, begins: list[np.ndarray], full: Array, reserve: np.ndarray, values: Values
+    ) -> Generator[SearchStep, None, list[np.ndarray]]:
+        """Each start where it meets all requirements; as near to that as it gets if it cannot."""
+        found = []
+        for begin in begins:
+            if self._at(begin, full, reserve).missing > MET:
+                end, _ = yield from self._climb(begin, full, reserve, values, MEETING, meet=True)
+                begin = end.place
+            found.append(begin)
+        return found
+
+    def _climb(
+        self,
+        begin: np.ndarray,
+        full: Array,
+        reserve: np.ndarray,
+        values: Values,
+        phase: str,
+        *,
+        meet: bool = False,
+    ) -> Generator[SearchStep, None, tuple[_Point, str]]:
+        """The best point of one local search, and what ended it.
+
+        Args:
+            begin: where it begins.
+            full: all parameters.
+            reserve: what is asked for beyond the requirements.
+            values: all parameters by name.
+            phase: in messages.
+            meet: whether it ends as soon as all requirements are met, whatever the objective.
+        """
+
+        def at(place: np.ndarray) -> _Point:
+            point = self._at(place, full, reserve)
+            return point.without_objective() if meet else point
+
+        now = best = at(begin)
+        radius, penalty, counted, reached = RADIUS, PENALTIES[0], 0, math.inf
+        for number in range(1, UPDATES + 1):
+            step, gain, penalty = _linear_step(now, radius, penalty)
+            then, part = now, 0.0
+            for again in (False, True) if gain > CONVERGED else ():
+                if again:  # once more, with the curvature that the first step has met
+                    step, *_ = _linear_step(now.corrected(step, then), radius, penalty)
+                next_one = at(np.clip(now.place + step, 0.0, 1.0))
+                achieved = (now.merit(penalty) - next_one.merit(penalty)) / gain
+                if not again or achieved > part:
+                    then, part = next_one, achieved
+                if part > TRUSTED or not math.isfinite(achieved):
+                    break
+            if math.isfinite(part) and part > ACCEPTED:
+                now = then
+                radius = min(2 * radius, 1.0) if part > TRUSTED else radius
+            else:
+                radius /= 3
+            best = max(best, now, key=lambda point: point.rank)
+            words = f"{phase}, iteration {number}: {self._reached(now)}"
+            yield SearchStep(phase, self._named(now.place, values), words)
+            if meet and now.missing <= MET:
+                return now, "all requirements are met"
+            if gain <= CONVERGED or radius < SMALLEST:
+                return best, "nothing near is better"
+            if now.merit(penalty) < reached - GAIN:
+                counted, reached = number, now.merit(penalty)
+            elif number - counted >= PATIENCE:
+                return best, f"the last {PATIENCE} iterations gained little"
+        return best, f"stopped after {UPDATES} iterations"
+
+    def _finish(
+        self,
+        values: Values,
+        before: dict[str, float],
+        best: dict[str, float],
+        judged: dict[str, float],
+        found: _Point,
+        conflict: tuple[str, ...],
+        why: str,
+    ) -> SearchStep:
+        """The last step, with the result."""
+        place = (np.array([best[name] for name in self.free]) - self._low) / self._span
+        is_found = np.allclose(place, found.place, rtol=0.0, atol=1e-12)
+        active, residual = self._active(found) if is_found and not conflict else ((), math.inf)
+        result = SearchResult(
+            objective=self.objective.name,
+            free=self.free,
+            keep=self.keep,
+            before=dict(values),
+            values=best,
+            judged_before=before,
+            judged=judged,
+            active=active,
+            slopes=self._slopes(found) if is_found else {},
+            missed=tuple(shortfalls(self.design, judged, self.keep)) if judged else (),
+            conflict=conflict,
+            is_optimum=residual <= STATIONARY,
+            why=why,
+        )
+        summary, lines = result.summary(self.design), result.lines(self.design)
+        return SearchStep("result", best, summary, True, lines, result)
+
+    # -- what holds it --------------------------------------------------------------------------
+
+    def _active(self, point: _Point) -> tuple[tuple[Active, ...], float]:
+        """What holds an optimum, and what multipliers leave of the objective's slope."""
+        pieces = np.flatnonzero(point.pieces <= point.level + ACTIVE)
+        margins = np.flatnonzero(point.margins <= ACTIVE)
+        ends, rows = _bounds_at(point.place), [*self._rows()]
+        slopes = np.concatenate([point.margin_slopes[margins], _inward(ends, point.place.size)])
+        multipliers, residual = _balance(point.piece_slopes[pieces], slopes)
+        scale, found = self.objective.scale, list[Active]()
+        for number, multiplier in zip(margins, multipliers, strict=False):
+            label, bound, index = rows[number]
             measure = self._measure(bound)
-            words = partial(_words, str(bound), measure)
-            requirements[label] = Requirement(words, measure.unit, measure.scale)
-        labels = {one.name: one for one in self.design.parameters}
-        parameters = {
-            name: Requirement(partial(_always, labels[name].label or name), labels[name].unit)
-            for name in self.free
-        }
-        low, high = (
-            {name: jnp.array(ends[side], float) for name, ends in self.free.items()}
-            for side in (0, 1)
-        )
-        data = full, jnp.zeros(len(self.keep))
-        return Problem(
-            terms, low, high, requirements=requirements, parameters=parameters, data=data
-        )
+            price = float(multiplier) * scale / measure.scale
+            words = self._words(bound, index)
+            found.append(Active(label, index, words, measure.unit, price, float(multiplier)))
+        names = [*self.free]
+        parameters = {one.name: one for one in self.design.parameters}
+        for (place, side), multiplier in zip(ends, multipliers[len(margins) :], strict=True):
+            one = parameters[names[place]]
+            words = f"{one.label or one.name} at its {'lower' if side > 0 else 'upper'} bound"
+            price = float(multiplier) * scale / self._span[place]
+            found.append(Active(BOUND, (place,), words, one.unit, price, float(multiplier)))
+        total = sum(one.share for one in found) or 1.0
+        shares = [replace(one, share=one.share / total) for one in found]
+        held = [one for one in shares if one.share > LEAST_SHARE]
+        return tuple(sorted(held, key=lambda one: -one.share)), residual
+
+    def _conflict(self, point: _Point) -> tuple[str, ...]:
+        """The requirements that nothing near can meet better together, with what each is short of.
+
+        They are those farthest from being met, if their slopes balance.
+        """
+        margins = np.flatnonzero(point.margins <= ACTIVE - point.missing)
+        slopes = _inward(_bounds_at(point.place), point.place.size)
+        multipliers, residual = _balance(point.margin_slopes[margins], slopes, of_level=True)
+        rows, lines = [*self._rows()], dict[str, None]()
+        for number, multiplier in zip(margins, multipliers, strict=False):
+            if multiplier > LEAST_SHARE or residual > STATIONARY:
+                _, bound, index = rows[number]
+                measure = self._measure(bound)
+                amount = amount_text(point.missing * measure.scale, measure.unit)
+                lines[f"{self._words(bound, index)} by {amount}"] = None
+        return tuple(lines)
+
+    def _slopes(self, point: _Point) -> dict[str, dict[str, float]]:
+        """Of every measure asked for, where it is worst, by every free parameter."""
+        kept = dict[str, tuple[np.ndarray, np.ndarray]]()
+        rows = np.array([bound.measure for _, bound, _ in self._rows()])
+        for name in self._asked[1:]:
+            kept[name] = point.margins[rows == name], point.margin_slopes[rows == name]
+        kept[self.objective.name] = point.pieces, point.piece_slopes
+        found = {}
+        for name in self._asked:
+            measure, (values, slopes) = find_measure(self.design, name), kept[name]
+            side = 1.0 if measure.worst == "least" else -1.0
+            row = side * measure.scale * slopes[np.argmin(values)] / self._span
+            found[name] = dict(zip(self.free, row.tolist(), strict=True))
+        return found
+
+    def _words(self, bound: Bound, index: tuple[int, ...]) -> str:
+        return " ".join(filter(None, (str(bound), self._measure(bound).where(index))))
 
     def _measure(self, bound: Bound) -> Measure:
         return find_measure(self.design, bound.measure)
 
-    def _looked(self, free: dict[str, Array], data: Any) -> tuple[Array, Array]:
-        """The objective, the greater the better, and the largest scaled violation."""
-        found = self._problem.terms(free, *data)
-        values = [jnp.ravel(part) for part in found.inequalities.values()]
-        return -found.value, jnp.max(-jnp.concatenate([*values, jnp.zeros(1)]))
+    # -- what it is worth -----------------------------------------------------------------------
 
-    def _rank(self, free: dict[str, Array], data: Any) -> tuple[bool, float]:
-        value, violation = (float(part) for part in self._look(free, data))
-        return (True, value) if violation <= FEASIBLE else (False, -violation)
-
-    def _named(self, free: dict[str, Array], first: Values) -> dict[str, float]:
-        return {**first, **{name: float(value) for name, value in free.items()}}
+    def _named(self, place: np.ndarray, values: Values) -> dict[str, float]:
+        free = (self._low + self._span * place).tolist()
+        return {**values, **dict(zip(self.free, free, strict=True))}
 
     def _judged(self, values: Values) -> dict[str, float]:
         """Every measure; empty where there is no such design."""
@@ -393,124 +610,103 @@ class DesignSearch:
         worst = min((margin / self._measure(bound).scale for bound, margin in missed), default=0.0)
         value = judged[self.objective.name] / self.objective.scale
         value = value if self.objective.worst == "least" else -value
-        return 1, worst, round(value / BETTER) * BETTER if math.isfinite(value) else -math.inf
+        return 1, worst, value if math.isfinite(value) else -math.inf
 
-    def _climb(
-        self, begin: dict[str, Array], data: Any, first: Values, phase: str
-    ) -> Generator[SearchStep, None, tuple[dict[str, Array], str]]:
-        """The best point of one local search, and what ended it."""
-        best, rank, trail = begin, self._rank(begin, data), list[tuple[bool, float]]()
-        start = EpigraphVariables(begin, self._look(begin, data)[0])
-        least = GAIN * self.objective.scale
-        for number, one in enumerate(self._iteration.run(start, data, updates=UPDATES), 1):
-            free = one.parameters.design
-            now = self._rank(free, data)
-            if now > rank:
-                best, rank = free, now
-            trail.append(rank)
-            words = f"{phase}, iteration {number}: {self._reached(now)}"
-            yield SearchStep(phase, self._named(free, first), words)
-            if one.converged:
-                return best, "nothing near is better"
-            before = trail[-1 - PATIENCE] if len(trail) > PATIENCE else (False, -math.inf)
-            if rank[0] and before[0] and rank[1] < before[1] + least:
-                return best, f"the last {PATIENCE} iterations gained little"
-        return best, f"stopped after {UPDATES} iterations"
-
-    def _make_feasible(
-        self, begins: list[dict[str, Array]], data: Any, first: Values
-    ) -> Generator[SearchStep, None, tuple[tuple[str, ...], list[dict[str, Array]]]]:
-        """Starts that meet all requirements; or, where none is found, what conflicts."""
-        form = make_elastic(self._problem)
-        iteration, nearest = Iteration(form), (math.inf, begins[0])
-        for begin in begins:
-            level = self._look(begin, data)[1]
-            for number, one in enumerate(
-                iteration.run(EpigraphVariables(begin, level), data, updates=UPDATES), 1
-            ):
-                free = one.parameters.design
-                violation = float(self._look(free, data)[1])
-                nearest = min(nearest, (violation, free), key=lambda pair: pair[0])
-                words = f"{MEETING}, iteration {number}: {violation:.2g} of their scales missed"
-                yield SearchStep(MEETING, self._named(free, first), words)
-                if violation <= FEASIBLE:
-                    return (), [free]
-        violation, free = nearest
-        flat = Flat.of(form)
-        point = flat.point(EpigraphVariables(free, jnp.asarray(violation)))
-        optimum = _checked(flat, point, data)
-        conflict = explain_shortfall(form, optimum)
-        return tuple(conflict or ["no design was found that meets all of them"]), []
-
-    def _reached(self, rank: tuple[bool, float]) -> str:
-        met, value = rank
-        if not met:
-            return "requirements are not met yet"
+    def _reached(self, point: _Point) -> str:
+        if point.missing > MET:
+            return f"requirements are missed by {point.missing:.2g} of their scales"
+        value = point.level * self.objective.scale
         value = value if self.objective.worst == "least" else -value
         return f"{self.objective.name} {amount_text(value, self.objective.unit)}"
 
-    def _finish(
-        self,
-        values: Values,
-        before: dict[str, float],
-        best: dict[str, float],
-        data: Any,
-        conflict: tuple[str, ...],
-        why: str,
-        judged: dict[str, float] | None = None,
-    ) -> SearchStep:
-        """The last step, with the result."""
-        judged = self._judged(best) if judged is None else judged
-        free = {name: jnp.array(best[name], float) for name in self.free}
-        flat = Flat.of(self._epigraph)
-        point = flat.point(EpigraphVariables(free, self._look(free, data)[0]))
-        optimum = _checked(flat, point, data)
-        is_optimum = bool(optimum.solution.result == OptimumResult.successful)
-        active = () if conflict else self._active(optimum)
-        missed = tuple(shortfalls(self.design, judged, self.keep)) if judged else ()
-        result = SearchResult(
-            objective=self.objective.name,
-            free=self.free,
-            keep=self.keep,
-            before=dict(values),
-            values=best,
-            judged_before=before,
-            judged=judged,
-            active=active,
-            slopes={} if conflict else self._slopes(optimum),
-            missed=missed,
-            conflict=conflict,
-            is_optimum=is_optimum,
-            why=why,
-        )
-        summary, lines = result.summary(self.design), result.lines(self.design)
-        return SearchStep("result", best, summary, True, lines, result)
 
-    def _active(self, optimum: Optimum) -> tuple[Active, ...]:
-        """What holds the optimum but the objective's own worst places; prices in its unit."""
-        scale = self.objective.scale
-        return tuple(
-            replace(one, price=one.price * scale)
-            for one in find_active_set(self._epigraph, optimum)
-            if one.name != self.objective.name
-        )
+def _linear_step(point: _Point, radius: float, penalty: float) -> tuple[np.ndarray, float, float]:
+    """The step that is best to first order, in a box.
 
-    def _slopes(self, optimum: Optimum) -> dict[str, dict[str, float]]:
-        """Of every measure asked for, where it is worst, by every free parameter."""
-        asked = [bound.measure for bound in self.keep]
-        labels = dict(zip(_labels(self.keep), asked, strict=True))
-        found = {}
-        for label, name in ({self.objective.name: self.objective.name} | labels).items():
-            measure, margins = find_measure(self.design, name), optimum.inequalities[label]
-            at = np.unravel_index(np.argmin(margins), margins.shape)
-            side = 1.0 if measure.worst == "least" else -1.0
-            # Per scaled parameter, the level last; dictionaries come in the order of their names.
-            row = optimum.slopes[label][at][:-1] * side * measure.scale
-            found[name] = {
-                one: float(slope / self._problem.units[one])
-                for one, slope in zip(self.free, row, strict=True)
-            }
-        return found
+    A linear program in the step, the level t of the objective and the missing part s: the largest
+    t − P s with every piece at least t and every margin at least −s (R. Fletcher, *Practical
+    Methods of Optimization*, 2nd ed., §12.4 and §14.4, of exact penalties and their correction;
+    J. Hald, K. Madsen, Math. Programming 20 (1981) 49, of the least of several functions). As long
+    as it leaves something missing, P grows.
+
+    Args:
+        point: where it begins.
+        radius: half the side of the box.
+        penalty: P.
+
+    Returns:
+        The step, by how much it makes the merit smaller to first order, and P.
+    """
+    size = point.place.size
+    # What no step in the box can bring to its limit is left out.
+    reach = radius * np.sum(np.abs(point.margin_slopes), axis=1)
+    near = point.margins - reach < 0
+    margins, slopes = point.margin_slopes[near], point.piece_slopes
+    above = np.hstack([-slopes, np.ones((len(slopes), 1)), np.zeros((len(slopes), 1))])
+    kept = np.hstack([-margins, np.zeros((len(margins), 1)), -np.ones((len(margins), 1))])
+    limits = np.stack(
+        [np.maximum(-radius, -point.place), np.minimum(radius, 1.0 - point.place)], axis=1
+    ).tolist()
+    for weight in [one for one in PENALTIES if one >= penalty]:
+        found = linprog(
+            np.concatenate([np.zeros(size), [-1.0, weight]]),
+            A_ub=np.vstack([above, kept]),
+            b_ub=np.concatenate([point.pieces, point.margins[near]]),
+            bounds=[*limits, (None, None), (0.0, None)],
+            method="highs",
+        )
+        if found.status != 0:
+            return np.zeros(size), 0.0, penalty
+        penalty = weight
+        if found.x[-1] <= MET:
+            break
+    return found.x[:size], point.merit(penalty) - float(found.fun), penalty
+
+
+def _bounds_at(place: np.ndarray) -> list[tuple[int, int]]:
+    """The parameters that are at a bound, each with +1 if that is the lower one, −1 otherwise."""
+    return [
+        (number, side)
+        for side in (1, -1)
+        for number, part in enumerate(place.tolist())
+        if (part if side > 0 else 1.0 - part) <= ACTIVE
+    ]
+
+
+def _inward(ends: Sequence[tuple[int, int]], size: int) -> Float[np.ndarray, "ends free"]:
+    """Slopes of the distances to bounds."""
+    found = np.zeros((len(ends), size))
+    for row, (number, side) in enumerate(ends):
+        found[row, number] = side
+    return found
+
+
+def _balance(
+    pieces: Float[np.ndarray, "pieces free"],
+    others: Float[np.ndarray, "others free"],
+    *,
+    of_level: bool = False,
+) -> tuple[Float[np.ndarray, " multipliers"], float]:
+    """Multipliers of the conditions of Karush, Kuhn and Tucker, and what they leave, in parts.
+
+    Of a least piece they are Σ μ = 1 over the pieces that are the least, and Σ μ ∇piece +
+    Σ λ ∇other = 0 with what is active (J. Nocedal, S. J. Wright, *Numerical Optimization*, 2nd
+    ed., §12.3), found by non-negative least squares.
+
+    Args:
+        pieces: slopes of the pieces that are the least.
+        others: slopes of what is active.
+        of_level: whether to return μ, not λ.
+    """
+    slopes = np.vstack([pieces, others])
+    # The condition on the sum weighs as much as the slopes themselves.
+    weight = max(float(np.max(np.abs(pieces), initial=0.0)), SMALLEST)
+    sums = np.zeros(len(slopes))
+    sums[: len(pieces)] = weight
+    wanted = np.append(np.zeros(slopes.shape[1]), weight)
+    multipliers, left = nnls(np.vstack([slopes.T, sums]), wanted)
+    own = multipliers[: len(pieces)] if of_level else multipliers[len(pieces) :]
+    return own, float(left) / weight
 
 
 def search(
@@ -541,22 +737,8 @@ def amount_text(value: float, unit: str) -> str:
 
 
 def _labels(keep: Sequence[Bound]) -> list[str]:
-    """Of requirements among a problem's constraints; two may be on one measure."""
+    """Names of requirements, of which two may be on one measure."""
     return [f"{number} {bound.measure}" for number, bound in enumerate(keep)]
-
-
-def _checked(flat: Flat, point: Any, data: Any) -> Optimum:
-    """Multipliers at a point, however it was found."""
-    trace = Trace(jnp.zeros(0), jnp.zeros(0), jnp.zeros(0, int))
-    return make_optimality_check(flat)(point, (data, flat.own[1]), trace)
-
-
-def _words(bound: str, measure: Measure, index: tuple[int, ...]) -> str:
-    return " ".join(filter(None, (bound, measure.where(index))))
-
-
-def _always(words: str, index: tuple[int, ...]) -> str:
-    return words
 
 
 def _hint(name: str, known: Iterable[str], there_are: str) -> str:

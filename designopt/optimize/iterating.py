@@ -21,7 +21,6 @@ from designopt.optimize.augmented_lagrangian import (
 )
 from designopt.optimize.flat import Flat, Given, Point
 from designopt.optimize.problem import Parameters, Problem
-from designopt.quick_compilation import compile_quickly
 
 FORWARD = {"autodiff_mode": "fwd"}
 """Of a handful of parameters the slope forwards compiles in half the time, and is as fast."""
@@ -152,11 +151,11 @@ def _programs(flat: Flat, tolerance: float, steps: int) -> tuple[Callable[..., A
             lambda: _Progress(outer, point, search, count, jnp.zeros((), bool)),
         )
 
-    @compile_quickly
+    @jax.jit
     def begin(start: Point, given: Given) -> _Progress:
         return begun(first_state(flat.given(given), "bfgs", start, 1), jnp.zeros((), bool))
 
-    @compile_quickly
+    @jax.jit
     def advance(progress: _Progress, given: Given) -> tuple[_Progress, Any]:
         _, progress = jax.lax.while_loop(
             lambda carry: (carry[0] < steps) & ~carry[1].done,

@@ -27,7 +27,6 @@ from scipy.optimize import nnls
 from designopt.optimize.augmented_lagrangian import Trace
 from designopt.optimize.flat import Flat, Given, Point, column_slopes
 from designopt.optimize.problem import BOUND, Parameters, Problem, describe_by_index
-from designopt.quick_compilation import compile_quickly
 from designopt.solution import Solution
 
 FEASIBLE = 1e-6
@@ -76,8 +75,6 @@ class Optimum:
         history: one row per update of the multipliers; or one of the start and one per step.
         worst: index of the element that is violated most, by the name of each constraint that
             does not hold.
-        inequalities: values of every inequality by its name, scaled.
-        slopes: their derivatives by the scaled parameters, along a last axis.
     """
 
     solution: Solution[Parameters]
@@ -86,8 +83,6 @@ class Optimum:
     multipliers: dict[str, np.ndarray]
     history: Trace
     worst: dict[str, tuple[int, ...]]
-    inequalities: dict[str, np.ndarray]
-    slopes: dict[str, np.ndarray]
 
     @property
     def parameters(self) -> Parameters:
@@ -112,7 +107,7 @@ def make_optimality_check(flat: Flat) -> Callable[[Point, Given, Trace], Optimum
         flat: the problem.
     """
 
-    @compile_quickly
+    @jax.jit
     def values_and_slopes(point: Point, given: Given) -> tuple[Any, Any]:
         now = flat.given(given)
 
@@ -132,7 +127,7 @@ def make_optimality_check(flat: Flat) -> Callable[[Point, Given, Trace], Optimum
         if not all(np.all(np.isfinite(part)) for part in (value, h, g, *slopes)):
             place = jnp.where(jnp.isfinite(point), point, 0.0)
             solution = _solution(flat, place, -1.0, 1.0, OptimumResult.no_number)
-            return Optimum(solution, math.inf, {}, {}, history, {}, {}, {})
+            return Optimum(solution, math.inf, {}, {}, history, {})
         mu, lam, residual = _multipliers(value, h, g, slopes)
         unmet = _named(equalities, np.abs(h)) | _named(inequalities, np.maximum(-g, 0.0))
         violations = {name: float(np.max(part)) for name, part in unmet.items()}
@@ -149,10 +144,7 @@ def make_optimality_check(flat: Flat) -> Callable[[Point, Given, Trace], Optimum
             if violations[name] > FEASIBLE
         }
         solution = _solution(flat, point, margin, residual, result)
-        values, of_each = _named(inequalities, g), _named(inequalities, slopes[2], point.size)
-        return Optimum(
-            solution, float(value), violations, multipliers, history, worst, values, of_each
-        )
+        return Optimum(solution, float(value), violations, multipliers, history, worst)
 
     return check
 
@@ -209,14 +201,12 @@ def _balanced(
     return found, float(left)
 
 
-def _named(
-    shapes: dict[str, tuple[int, ...]], flat: np.ndarray, *last: int
-) -> dict[str, np.ndarray]:
-    """The arrays that were joined, by name, with one more axis if there is one; none is empty."""
+def _named(shapes: dict[str, tuple[int, ...]], flat: np.ndarray) -> dict[str, np.ndarray]:
+    """The arrays that were joined, by name; those that are empty left out."""
     sizes = [int(np.prod(shape)) for shape in shapes.values()]
     parts = np.split(flat, np.cumsum(sizes)[:-1]) if sizes else []
     named = zip(shapes.items(), parts, strict=True)
-    return {name: part.reshape(*shape, *last) for (name, shape), part in named if part.size}
+    return {name: part.reshape(shape) for (name, shape), part in named if part.size}
 
 
 def _solution(

@@ -34,7 +34,7 @@ def test_largest_area_of_an_outline_is_a_square_and_its_price_the_derivative():
     assert active.price == pytest.approx(2.5, abs=1e-2)
     assert found.slopes["area"] == pytest.approx({"width": 5.0, "sides.left": 5.0}, abs=1e-2)
     assert found.is_optimum
-    assert last.report == ("held by outline <= 20: 1 mm less would give 2.5 mm² more",)
+    assert last.report == ("held by outline <= 20: to ease it by 1 mm gives 2.5 mm²",)
     assert last.message.startswith("area 25 mm² instead of 8 mm²")
     assert steps
 

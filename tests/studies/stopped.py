@@ -15,4 +15,4 @@ def stopped_at(pins: Pins, level: float) -> Optimum:
     zero, none = jnp.asarray(0.0), jnp.zeros(1)
     variables = EpigraphVariables(pins, jnp.asarray(level))
     solution = Solution(variables, zero, zero, OptimumResult.not_stationary)
-    return Optimum(solution, 0.0, {}, {}, Trace(none, none, jnp.zeros(1, int)), {}, {}, {})
+    return Optimum(solution, 0.0, {}, {}, Trace(none, none, jnp.zeros(1, int)), {})
