@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import difflib
 import math
+from collections import deque
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -50,8 +51,11 @@ PENALTIES = (3.0, 30.0, 300.0, 3000.0)
 """What it costs to miss a requirement by its scale, in scales of the objective: as little as leads
 back to it, for along curved limits a high one leaves small steps only."""
 
-CONVERGED = 1e-9
+CONVERGED = 1e-7
 """A step that promises less, in scales, is none."""
+
+REMEMBERED = 8
+"""Places whose slopes are remembered, because a step to them did not bring what was promised."""
 
 GAIN, PATIENCE = 1e-5, 25
 """So many iterations that together gain less, in scales, end the search."""
@@ -282,17 +286,26 @@ class _Point(NamedTuple):
         """What every step makes smaller: an exact penalty."""
         return penalty * self.missing - self.level
 
-    def corrected(self, step: Float[np.ndarray, " free"], then: _Point) -> _Point:
-        """The same with what lines miss of its curves along a step, to second order.
+    def with_rows_of(self, others: Sequence[_Point]) -> _Point:
+        """The same, asked also for what was found missing at other places, to first order there.
 
-        Args:
-            step: from it.
-            then: where that led.
+        What a step meets unawares, such as the edge beyond which a pad is hidden, has no slope on
+        this side of it. Rows that this place contradicts are left out.
         """
-        return self._replace(
-            pieces=then.pieces - self.piece_slopes @ step,
-            margins=then.margins - self.margin_slopes @ step,
-        )
+        found = self
+        for other in others:
+            way = self.place - other.place
+            low, under = other.pieces < self.level, other.margins < 0
+            pieces = other.pieces[low] + other.piece_slopes[low] @ way
+            margins = other.margins[under] + other.margin_slopes[under] @ way
+            fits, holds = pieces >= self.level, margins >= min(-self.missing, 0.0)
+            found = found._replace(
+                pieces=np.append(found.pieces, pieces[fits]),
+                piece_slopes=np.vstack([found.piece_slopes, other.piece_slopes[low][fits]]),
+                margins=np.append(found.margins, margins[holds]),
+                margin_slopes=np.vstack([found.margin_slopes, other.margin_slopes[under][holds]]),
+            )
+        return found
 
 
 class DesignSearch:
@@ -402,12 +415,14 @@ class DesignSearch:
             side = 1.0 if bound.relation == ">=" else -1.0
             margins.append((side * (arrays[bound.measure].ravel() - bound.value) - more) / scale)
             margin_slopes.append(side * slopes[bound.measure].reshape(-1, size) / scale)
+        rows = np.concatenate(margin_slopes)
+        moved = np.any(rows != 0, axis=1)  # what nothing free changes has nothing to spare
         return _Point(
             place,
             sign * arrays[own].ravel() / self.objective.scale,
-            np.concatenate(margins) - HAIR,
+            np.concatenate(margins) - HAIR * moved,
             sign * slopes[own].reshape(-1, size) / self.objective.scale,
-            np.concatenate(margin_slopes),
+            rows,
         )
 
     def _rows(self) -> Iterator[tuple[str, Bound, tuple[int, ...]]]:
@@ -460,31 +475,31 @@ class DesignSearch:
             return point.without_objective() if meet else point
 
         now = best = at(begin)
+        met, refused = deque[_Point](maxlen=REMEMBERED), False
         radius, penalty, counted, reached = RADIUS, PENALTIES[0], 0, math.inf
         for number in range(1, UPDATES + 1):
-            step, gain, penalty = _linear_step(now, radius, penalty)
-            then, part = now, 0.0
-            for again in (False, True) if gain > CONVERGED else ():
-                if again:  # once more, with the curvature that the first step has met
-                    step, *_ = _linear_step(now.corrected(step, then), radius, penalty)
-                next_one = at(np.clip(now.place + step, 0.0, 1.0))
-                achieved = (now.merit(penalty) - next_one.merit(penalty)) / gain
-                if not again or achieved > part:
-                    then, part = next_one, achieved
-                if part > TRUSTED or not math.isfinite(achieved):
-                    break
-            if math.isfinite(part) and part > ACCEPTED:
-                now = then
-                radius = min(2 * radius, 1.0) if part > TRUSTED else radius
-            else:
-                radius /= 3
+            step, gain, penalty = _linear_step(now.with_rows_of(met), radius, penalty)
+            part = 0.0
+            if gain > CONVERGED:
+                then = at(np.clip(now.place + step, 0.0, 1.0))
+                part = (now.merit(penalty) - then.merit(penalty)) / gain
+                if not part > TRUSTED:  # nor is NaN
+                    met.append(then)
+                if part > ACCEPTED:
+                    now = then
+            if part > TRUSTED:
+                radius = min(2 * radius, 1.0)
+            elif not part > ACCEPTED:
+                radius, refused = (radius / 3, False) if refused else (radius, True)
             best = max(best, now, key=lambda point: point.rank)
             words = f"{phase}, iteration {number}: {self._reached(now)}"
             yield SearchStep(phase, self._named(now.place, values), words)
             if meet and now.missing <= MET:
                 return now, "all requirements are met"
-            if gain <= CONVERGED or radius < SMALLEST:
+            if (gain <= CONVERGED and not met) or radius < SMALLEST:
                 return best, "nothing near is better"
+            if gain <= CONVERGED:
+                met.clear()
             if now.merit(penalty) < reached - GAIN:
                 counted, reached = number, now.merit(penalty)
             elif number - counted >= PATIENCE:
