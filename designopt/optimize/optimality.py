@@ -216,7 +216,7 @@ def _named(
     sizes = [int(np.prod(shape)) for shape in shapes.values()]
     parts = np.split(flat, np.cumsum(sizes)[:-1]) if sizes else []
     named = zip(shapes.items(), parts, strict=True)
-    return {name: part.reshape(*shape, *last) for (name, shape), part in named if part.size}
+    return {name: part.reshape((*shape, *last)) for (name, shape), part in named if part.size}
 
 
 def _solution(
