@@ -8,7 +8,9 @@ keys, of the program, jaxlib's version, XLA's flags and the processor's instruct
 
 from __future__ import annotations
 
+import functools
 import hashlib
+import logging
 import os
 import re
 import sys
@@ -23,6 +25,8 @@ from typing import Annotated
 import typer
 
 from designopt.user_folders import user_folder
+
+LOG = logging.getLogger(__name__)
 
 VARIABLE = "DESIGNOPT_CACHE"
 """Of the environment: a folder to keep programs in, or `OFF`."""
@@ -39,6 +43,8 @@ FULL = 0.4
 Linux' usual 65,530."""
 ABANDONED = 3600.0
 """Seconds after which a file that is still being written belongs to no process any more."""
+COMPILED = "/jax/core/compile/backend_compile_duration"
+"""JAX's event of a program that XLA has compiled, or that was read from where it is kept."""
 _FORGETTING: list[Callable[[], object]] = []
 """What lets go of programs that JAX does not keep itself; see `forget_with_programs`."""
 
@@ -59,11 +65,13 @@ NoCache = Annotated[
 def keep_programs() -> None:
     """Load JAX, and let it keep what is compiled from now on, unless the user has it otherwise.
 
-    A folder that cannot be used is passed over, with a warning where the user named it.
+    A folder that cannot be used is passed over, with a warning where the user named it. What is
+    compiled is logged at level DEBUG.
     """
-    named = os.environ.get(VARIABLE)
-    folder = _user_folder() if not named else Path(named).absolute()
-    if named == OFF or folder is None:
+    if LOG.isEnabledFor(logging.DEBUG):
+        _log_compiling()
+    folder = program_folder()
+    if folder is None:
         return
     import jax
     from jax._src import compilation_cache
@@ -73,16 +81,29 @@ def keep_programs() -> None:
         compilation_cache, "get_file_cache"
     ):
         return
-    reason = _fault(folder)
+    reason = folder_fault(folder)
     if reason:
-        if named:
-            print(f"warning: {VARIABLE}={named}: not used: {reason}", file=sys.stderr)
+        if named := os.environ.get(VARIABLE):
+            LOG.warning("%s=%s: not used: %s", VARIABLE, named, reason)
         return
     compilation_cache.get_file_cache = lambda path: (Store(Path(path)), path)
     jax.config.update("jax_compilation_cache_dir", str(folder))
+    LOG.info("compiled programs are kept in %s", folder)
     # Hundreds of programs take less than JAX's second each, and together most of the time.
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache entry")
+
+
+@functools.cache  # JAX takes no listener back
+def _log_compiling() -> None:
+    """Log every program that is compiled, or read where it is kept, from now on."""
+    from jax import monitoring
+
+    def listen(event: str, duration_secs: float, **about: object) -> None:
+        if event == COMPILED:
+            LOG.debug("compiled %s: %.2f s", about.get("fun_name", "a program"), duration_secs)
+
+    monitoring.register_event_duration_secs_listener(listen)
 
 
 def forget_programs_if_many() -> None:
@@ -116,15 +137,18 @@ def forget_with_programs(forget: Callable[[], object]) -> None:
     _FORGETTING.append(forget)
 
 
-def _user_folder() -> Path | None:
-    """Where programs keep what they can make again; ``None`` without a home."""
+def program_folder() -> Path | None:
+    """Where compiled programs are kept; ``None`` if that is switched off, or without a home."""
+    named = os.environ.get(VARIABLE)
+    if named:
+        return None if named == OFF else Path(named).absolute()
     usual = "Library/Caches" if sys.platform == "darwin" else ".cache"
     with suppress(RuntimeError):
         return user_folder("XDG_CACHE_HOME", usual) / "programs"
     return None
 
 
-def _fault(folder: Path) -> str:
+def folder_fault(folder: Path) -> str:
     """What is wrong with a folder, which is made where there is none; empty if nothing is."""
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)

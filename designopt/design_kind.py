@@ -7,14 +7,16 @@ from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from designopt.errors import UserError, load_plug_in
-from designopt.explore.explorer import Explorer
-from designopt.export.drawing import Drawing
-from designopt.export.json import Quantity
-from designopt.export.parts import Assembly
-from designopt.optimize.parametric import ParametricDesign
+
+if TYPE_CHECKING:  # these load JAX and NumPy, and a command first lists names
+    from designopt.explore.explorer import Explorer
+    from designopt.export.drawing import Drawing
+    from designopt.export.json import Quantity
+    from designopt.export.parts import Assembly
+    from designopt.optimize.parametric import ParametricDesign
 
 DESIGN_GROUP = "designopt.designs"
 

@@ -23,6 +23,12 @@ def shortened(text: str, most: int = 60) -> str:
     return text if len(text) <= most else f"{text[:half]}...{text[-half:]}"
 
 
+def one_line(text: str) -> str:
+    """A text in one line for a terminal, whatever it holds of names and files."""
+    line = " ".join(text.split())
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
+
+
 def load_plug_in(point: Any, what: str) -> Any:
     """What an installed package offers at an entry point.
 

@@ -2,8 +2,24 @@
 
 from __future__ import annotations
 
-from designopt.design_kind import DesignKind
+from typing import TYPE_CHECKING
+
+from designopt.design_kind import DesignKind, Ranges
+from designopt.errors import UserError
 from designopt.study.study import lazily
+
+if TYPE_CHECKING:
+    from optics.chamber.designed import DesignedChamber
+    from optics.parametric.chamber import ChamberParameters
+
+
+def _chamber_parameters(model: DesignedChamber, over: Ranges) -> ChamberParameters:
+    from optics.parametric.chamber import ChamberParameters
+
+    if over:
+        raise UserError(f"--over {next(iter(over))}: a chamber has no joints; leave it out")
+    return ChamberParameters(model)
+
 
 SCENE = DesignKind(
     "scene",
@@ -23,5 +39,5 @@ CHAMBER = DesignKind(
     lazily("optics.explore.chamber:ChamberExplorer"),
     lazily("optics.export.chamber_drawing:make_chamber_drawing"),
     lazily("optics.export.chamber_drawing:chamber_quantities"),
-    parametric=lazily("optics.parametric.chamber:ChamberParameters"),
+    parametric=_chamber_parameters,
 )

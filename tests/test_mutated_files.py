@@ -26,7 +26,7 @@ from designopt.study.study import installed_studies, load_study
 from optics.chamber.file import format_chamber
 from tests.helpers import nightly
 from tests.mutations import UNKNOWN, mutate, mutated, toml
-from tests.optics.test_chamber_bench import PAPER
+from tests.optics.chambers import PAPER
 
 
 @dataclass(frozen=True)

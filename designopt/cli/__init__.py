@@ -12,7 +12,7 @@ import signal
 import sys
 from contextlib import suppress
 
-from designopt.errors import Interrupted, UserError, shortened
+from designopt.errors import Interrupted, UserError, one_line, shortened
 from designopt.interrupts import interruptible, leave
 
 WRONG = 2
@@ -45,6 +45,8 @@ def main() -> None:
     # Python's own handler would print a traceback just before and after what follows.
     if signal.getsignal(signal.SIGINT) == signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
+    # Processes of ours are to import nothing from the folder that the command is started in.
+    os.environ.setdefault("PYTHONSAFEPATH", "1")
     code = INTERRUPTED
     with suppress(KeyboardInterrupt), interruptible():
         code = _run_with_streams(sys.argv[1:])
@@ -108,6 +110,9 @@ def _reported(error: BaseException) -> int:
     if isinstance(error, Interrupted):
         _say(f"interrupted; {error}")
         return INTERRUPTED
+    if clashes := _clashes_behind(error):
+        _say(f"error: {'; '.join(clashes)}")
+        return WRONG
     if isinstance(error, UserError):
         _say(f"error: {error}")
         return WRONG
@@ -131,10 +136,20 @@ def _reported(error: BaseException) -> int:
     return OUR_FAULT
 
 
+def _clashes_behind(error: BaseException) -> list[str]:
+    """Packages of ours that are not as installed, where that may be the reason of an error."""
+    cause = error.__cause__ if isinstance(error, UserError) else error
+    # A package of somebody else's lacks modules and names; what it has may do anything.
+    if not isinstance(cause, (ImportError, AttributeError, TypeError)):
+        return []
+    from designopt.installation import find_clashes
+
+    return find_clashes()
+
+
 def _say(message: str) -> None:
     """One line on standard error, whatever a message holds of names and files."""
-    line = " ".join(message.split())
-    line = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
+    line = one_line(message)
     with suppress(OSError):
         try:
             print(shortened(line, LONGEST), file=sys.stderr, flush=True)

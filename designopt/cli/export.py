@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from designopt.cli.completion import complete_design, complete_setting
 from designopt.cli.studies import ConfigFiles
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.errors import UserError
@@ -37,6 +38,7 @@ def export(
         typer.Argument(
             metavar="STUDY|FILE",
             help="A study that designs something, a folder that 'run' wrote, or a file.",
+            autocompletion=complete_design,
         ),
     ],
     to: Annotated[
@@ -55,7 +57,12 @@ def export(
     ] = Path("out/export"),
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Change a study's setting; repeatable."),
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Change a study's setting; repeatable.",
+            autocompletion=complete_setting,
+        ),
     ] = None,
     config: ConfigFiles = None,
     force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from designopt.cli.completion import complete_study
 from designopt.cli.studies import ConfigFiles, Force, Seed, Settings, run_study
 from designopt.compilation_cache import NoCache
 from designopt.errors import UserError
@@ -15,7 +16,12 @@ from designopt.errors import UserError
 
 def front(
     study: Annotated[
-        str, typer.Argument(metavar="STUDY", help="A study that designs something: 'finger'.")
+        str,
+        typer.Argument(
+            metavar="STUDY",
+            help="A study that designs something: 'finger'.",
+            autocompletion=complete_study,
+        ),
     ],
     objectives: Annotated[
         str,

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from designopt.cli.completion import complete_setting, complete_template
+from designopt.cli.verbosity import is_quiet
 from designopt.errors import UserError
 
 if TYPE_CHECKING:
@@ -19,7 +21,12 @@ if TYPE_CHECKING:
 
 def new(
     name: Annotated[
-        str | None, typer.Argument(metavar="NAME", help="A study, or another name of --list.")
+        str | None,
+        typer.Argument(
+            metavar="NAME",
+            help="A study, or another name of --list.",
+            autocompletion=complete_template,
+        ),
     ] = None,
     file: Annotated[
         str | None,
@@ -32,7 +39,12 @@ def new(
     ] = False,
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="One of its settings; may be given often."),
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="One of its settings; may be given often.",
+            autocompletion=complete_setting,
+        ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
 ) -> None:
@@ -72,7 +84,8 @@ def new(
             write(path, template.prints[ending](*given))
     for path in (target, *beside.values()):
         print(printable(path))
-    print(f"next: {template.command} {printable(shlex.quote(target))}")
+    if not is_quiet():
+        print(f"next: {template.command} {printable(shlex.quote(target))}")
 
 
 def _print_names(found: list[tuple[str, FileTemplate | UserError]]) -> None:

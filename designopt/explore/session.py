@@ -133,7 +133,7 @@ class Session:
             "message": "",
             "note": "",
             "note_is_fault": False,
-            "requirements": [[str(one), None, None, None] for one in design.requirements],
+            "requirements": [],  # what a design asks for may follow from what it is judged to be
             "judging": True,
             "measured": {},
             "optimising": "",
@@ -316,7 +316,8 @@ class Session:
 
         def done(future: Future) -> None:
             if (found := self._result(future)) is not None:
-                self._publish_state(*found, seqs)
+                state, panels = found
+                self._publish_state(state, panels, seqs)
             if self._judged is None and self._rest is None:
                 self._judge_soon()
 
@@ -387,6 +388,7 @@ class Session:
                 return
             except Exception:
                 self._result(future)
+                self._publish(judging=False)
                 return
             self._publish(**self._rows(self._judged[1]), judging=False)
 
@@ -394,11 +396,14 @@ class Session:
 
     def _rows(self, judged: Mapping[str, float]) -> Wire:
         rows = []
+        missed = [bound for bound, _ in self._missed(judged)]
         for bound in self._design.requirements:
             value, unit = judged[bound.measure], self._measures[bound.measure].unit
             margin = bound.margin(value)
             signed = f"{margin:+.4g}".replace("-", "−")
-            rows.append([str(bound), _with_unit(value, unit), f"{signed} {unit}", margin >= 0])
+            rows.append(
+                [str(bound), _with_unit(value, unit), f"{signed} {unit}", bound not in missed]
+            )
         measured = {
             name: _with_unit(judged[name], one.unit) for name, one in self._measures.items()
         }
@@ -408,13 +413,16 @@ class Session:
         """In the second thread: nothing is saved before it is judged."""
         known = self._judged
         judged = known[1] if known and known[0] == values else self._design.judge(values)
-        fails = [self._fault(bound, margin) for bound, margin in shortfalls(self._design, judged)]
+        fails = [self._fault(bound, margin) for bound, margin in self._missed(judged)]
         if fails and not although_failing:
             raise UserError(
                 f"not saved, for it fails {len(fails)} of {len(self._design.requirements)} "
                 f"requirements: {'; '.join(fails)}; mark “although it fails” to save it as failing"
             )
         return save_specs(self._design.files(values), self._folder, fails)
+
+    def _missed(self, judged: Mapping[str, float]) -> list[tuple[Bound, float]]:
+        return shortfalls(self._design, judged, self._design.requirements)
 
     def _fault(self, bound: Bound, margin: float) -> str:
         missed = _with_unit(abs(margin), self._measures[bound.measure].unit)
@@ -430,18 +438,26 @@ class Session:
         locked, bounds = self._now.locked, self._now.bounds
         free = {
             name: bounds[name]
-            for name in self._dimensions
+            for name in self._design.free or self._dimensions
             if name not in locked and bounds[name][0] < bounds[name][1]
         }
         if not free:
-            self._note("every dimension is locked; unlock those that may change", is_fault=True)
+            self._note(
+                "every dimension that optimising may change is locked; unlock one", is_fault=True
+            )
             return
-        from designopt.optimize.design_search import search
-
         self._note("")
-        self._search = search(self._design, self._design_values(), measure, free)
+        self._search = self._steps(self._design_values(), measure, free)
         self._publish(optimising=measure, step="starting", report=[])
         self._next_step(("optimise", object()))
+
+    def _steps(
+        self, values: Values, measure: str, free: Mapping[str, tuple[float, float]]
+    ) -> Iterator[SearchStep]:
+        """In the second thread, which also loads what searches."""
+        from designopt.optimize.design_search import search
+
+        yield from search(self._design, values, measure, free, ())
 
     def _next_step(self, gesture: Hashable) -> None:
         """Compute one step, show it, go on."""

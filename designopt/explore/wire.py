@@ -79,17 +79,14 @@ def _chart(chart: Chart) -> Wire:
         "name": chart.name,
         "x_label": chart.x_label,
         "y_label": chart.y_label,
-        "series": [[one.name, _numbers(one.x), _numbers(one.y)] for one in chart.series],
+        "series": [
+            [one.name, [*map(finite, one.x)], [*map(finite, one.y)]] for one in chart.series
+        ],
         "at": finite(chart.at),
         "y_range": chart.y_range,
     }
 
 
-def _numbers(values: Sequence[float]) -> list[float | None]:
-    """To a thousandth of what can be seen; ``None`` for NaN, which JSON lacks."""
-    return [None if (one := finite(value)) is None else float(f"{one:.7g}") for value in values]
-
-
 def finite(value: float | None) -> float | None:
-    """A number that JSON can hold, or ``None``."""
+    """A number that JSON can hold; ``None`` for NaN, which it lacks."""
     return float(value) if value is not None and math.isfinite(value) else None

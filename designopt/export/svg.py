@@ -102,7 +102,8 @@ def path_data(line: Polyline) -> str:
         >>> path_data(Polyline("bar", [(0.0, 0.0), (4.0, 3.0)]))
         'M 0.0,0.0 L 4.0,-3.0'
     """
-    ends = [*line.places[1:], *line.places[: line.closed]]
+    # The last edge of a closed line is drawn by Z, unless it may be an arc.
+    ends = [*line.places[1:], *line.places[: bool(line.closed and line.bulges)]]
     (x, y), *_ = line.places
     found = [f"M {x!r},{_down(y)!r}"]
     bulges = itertools.chain(line.bulges, itertools.repeat(0.0))

@@ -107,7 +107,7 @@ def optimise(
 
 
 def _list(design: ParametricDesign) -> None:
-    from designopt.optimize.design_search import amount_text, free_parameters
+    from designopt.optimize.design_search import amount_text, find_measure, free_parameters
 
     print(f"{design.title}: parameters (* those that are free by default)")
     free = free_parameters(design)
@@ -123,4 +123,6 @@ def _list(design: ParametricDesign) -> None:
     if design.requirements:
         print("requirements of its own")
         for bound in design.requirements:
-            print(f"    {bound}")
+            unit = find_measure(design, bound.measure).unit
+            value = amount_text(bound.value, unit)
+            print(f"    {bound.label or bound.measure}: {bound.measure} {bound.relation} {value}")

@@ -136,7 +136,23 @@ def render_report(
 
     template = _environment(source, MOST_ROWS).get_template("report.html.j2")
     settings = list(_flat(record.spec))
-    return template.render(record=record, results=results, measured=measured, settings=settings)
+    return template.render(
+        record=record,
+        results=results,
+        measured=measured,
+        settings=settings,
+        is_folded=bool(results.specs) and _all_checks_hold(results),
+    )
+
+
+def _all_checks_hold(results: Results) -> bool:
+    """Whether a reader of a design may pass over its checks."""
+    claims = results.precision.claims if results.precision else ()
+    return not (
+        any(metric.met is False for metric in results.checks)
+        or any(not claim.holds for claim in claims)
+        or any(row.failures or row.non_finite for row in results.stability)
+    )
 
 
 def render_results(results: Results) -> str:

@@ -57,7 +57,8 @@ class Report:
 
     * A metric's text is its description, its name ends in its unit. Its notes are, each after a
       semicolon, a target as `Target.parse` reads it, ``always`` if it applies to all settings,
-      ``paper`` and a published number, ``unit`` and a unit its name does not end in.
+      ``paper`` and a published number, ``unit`` and a unit its name does not end in, ``check`` if
+      it checks the computation and is no number of the design.
     * A table's text is its caption. Its notes are the columns shown, in their order, each with its
       decimals in the report after a colon; ``*`` is all of them, such as in ``[*:4 eta:1]``.
     * A figure's first line is its title, the others are its caption.
@@ -155,7 +156,8 @@ class Report:
         number = math.nan if value is None else value
         number = number if isinstance(number, int) else float(number)
         self._values[name] = number
-        self._metrics.append(Metric(name, number, unit, self._fill(text, values), paper, target))
+        text, is_check = self._fill(text, values), "check" in kinds
+        self._metrics.append(Metric(name, number, unit, text, paper, target, is_check))
 
     def say(self, name: str, **values: Any) -> None:
         """A finding: its entry, filled."""

@@ -9,9 +9,9 @@ from __future__ import annotations
 import errno
 import itertools
 import json
+import logging
 import os
 import stat
-import sys
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -21,6 +21,8 @@ from designopt.errors import UserError
 from designopt.io.checksums import checksum_holds, file_checksum, with_checksum
 from designopt.io.files import check_new_folder
 from designopt.io.staging import BusyError, recover, staging_folder
+
+LOG = logging.getLogger(__name__)
 
 DOCUMENT = "results.json"
 MANIFEST = "manifest"
@@ -292,8 +294,9 @@ def _discard(folder: Path, place: Path) -> None:
         names = (place.with_name(f"{place.name}-replaced-{n}") for n in itertools.count(1))
         aside = next(name for name in names if not os.path.lexists(name))
         folder.rename(aside)
-        print(
-            f"{place}: the earlier result could not be removed (a file was put there meanwhile, or "
-            f"its permissions do not allow it); what is left of it is in {aside}",
-            file=sys.stderr,
+        LOG.warning(
+            "%s: the earlier result could not be removed (a file was put there meanwhile, or its "
+            "permissions do not allow it); what is left of it is in %s",
+            place,
+            aside,
         )

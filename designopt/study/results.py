@@ -76,6 +76,8 @@ class Metric:
         description: what it is, in words, for the report.
         reference: a published figure to compare with, where there is one.
         target: the figure asked for, where there is one.
+        is_check: whether it checks the computation, such as an error against a reference, and is
+            no number of the design; the report has these apart.
     """
 
     name: str
@@ -84,6 +86,7 @@ class Metric:
     description: str
     reference: float | None = None
     target: Target | None = None
+    is_check: bool = False
 
     @property
     def met(self) -> bool | None:
@@ -264,6 +267,16 @@ class Results:
     stability: Sequence[StabilityRow] = ()
     left_out: Sequence[LeftOutRow] = ()
     waived: str = ""
+
+    @property
+    def design_numbers(self) -> list[Metric]:
+        """The metrics that are no checks of the computation."""
+        return [metric for metric in self.metrics if not metric.is_check]
+
+    @property
+    def checks(self) -> list[Metric]:
+        """The metrics that check the computation."""
+        return [metric for metric in self.metrics if metric.is_check]
 
     @property
     def unmet(self) -> list[Metric]:

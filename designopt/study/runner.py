@@ -88,7 +88,7 @@ def run_study(
 
 def _found(study: Study, spec: Spec, seed: int, dtype: str) -> Results:
     with figures.style(), step_display() as step, jax.enable_x64(dtype == "float64"):
-        return study.run(spec, Context(seed, dtype, step))
+        return study.run(spec, Context(seed, dtype, step, step.count))
 
 
 def run(study: Study, spec: Spec, *, seed: int, dtype: str, out: Path, force: bool) -> Results:

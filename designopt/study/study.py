@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from designopt.errors import UserError, load_plug_in
 from designopt.io.spec import Spec
@@ -20,6 +20,13 @@ if TYPE_CHECKING:
 
 STUDY_GROUP = "designopt.studies"
 
+T = TypeVar("T")
+
+
+def _not_shown(total: int) -> Callable[[], None]:
+    """No display of how many are done."""
+    return lambda: None
+
 
 @dataclass(frozen=True)
 class Context:
@@ -29,11 +36,38 @@ class Context:
         seed: seed of every random draw.
         dtype: ``"float64"`` or ``"float32"``; JAX's default float type while the study runs.
         step: ``with step("Fitting"):`` shows what is being done while it lasts.
+        count: ``done = count(12)`` shows how many of 12 are done, and the time left: ``done()`` is
+            called for each; see `each`.
     """
 
     seed: int
     dtype: str
     step: Callable[[str], AbstractContextManager[None]]
+    count: Callable[[int], Callable[[], None]] = _not_shown
+
+    def each(self, items: Sequence[T], describe: Callable[[T], str]) -> Iterator[T]:
+        """Go through items in a step each, and show how many are done and the time left.
+
+        Args:
+            items: what is gone through.
+            describe: from an item to what is being done with it.
+
+        Yields:
+            The items, in their order.
+
+        Example:
+            >>> from contextlib import nullcontext
+            >>> context = Context(0, "float64", lambda text: nullcontext(print(text)))
+            >>> for size in context.each([480, 1080], lambda size: f"Images {size} px high"):
+            ...     assert size in (480, 1080)
+            Images 480 px high
+            Images 1080 px high
+        """
+        done = self.count(len(items))
+        for item in items:
+            with self.step(describe(item)):
+                yield item
+            done()
 
     def require_float64(self, why: str) -> None:
         """End a study that asks more of its numbers than float32 has.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import sys
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from importlib.metadata import version
@@ -16,6 +15,8 @@ from designopt.sweep.outcomes import Outcome
 
 if TYPE_CHECKING:
     from distributed import Client
+
+LOG = logging.getLogger(__name__)
 
 PATIENCE = 10.0
 """Seconds given to the scheduler to answer."""
@@ -99,7 +100,7 @@ def _answers(
     from distributed import KilledWorker, as_completed
 
     if not client.nthreads():
-        print(f"{place}: it has no workers; waiting for some", file=sys.stderr)
+        LOG.warning("%s: it has no workers; waiting for some", place)
     futures = {client.submit(function, one, pure=False): index for index, one in asked.items()}
     for future in as_completed([*futures], loop=client.loop):
         # An answer that nobody holds is not computed again when its worker is lost.

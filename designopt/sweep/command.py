@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from designopt.cli.studies import ConfigFiles, Dtype
+from designopt.cli.completion import complete_setting
+from designopt.cli.studies import ConfigFiles, Dtype, StudyName, print_report_path
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.cores import usable_cores
 from designopt.errors import UserError
@@ -18,7 +19,7 @@ MOST_SHOWN = 20
 
 
 def sweep(
-    study: Annotated[str, typer.Argument(metavar="STUDY", help="Its name; see 'designopt list'.")],
+    study: StudyName,
     ranges: Annotated[
         list[str] | None,
         typer.Argument(
@@ -32,6 +33,7 @@ def sweep(
             metavar="KEY=START:STOP:COUNT",
             help="Values of a setting, both ends included, or KEY=VALUE,VALUE,…; may be repeated: "
             "all combinations, the last setting changing fastest.",
+            autocompletion=complete_setting,
         ),
     ] = None,
     sobol: Annotated[
@@ -46,7 +48,10 @@ def sweep(
     settings: Annotated[
         list[str] | None,
         typer.Option(
-            "--set", metavar="KEY=VALUE", help="A setting of all points; may be repeated."
+            "--set",
+            metavar="KEY=VALUE",
+            help="A setting of all points; may be repeated.",
+            autocompletion=complete_setting,
         ),
     ] = None,
     config: ConfigFiles = None,
@@ -120,7 +125,7 @@ def sweep(
     asked = Sweep(chosen, points, shared, seed, dtype.value, versions_of(study), given)
     cores = workers or usable_cores()
     outcomes = run_sweep(asked, folder, workers=cores, scheduler=scheduler, force=force)
-    print(f"report: {folder / 'result' / 'report.html'}")
+    print_report_path(folder / "result")
     failures = {index: one.failure for index, one in outcomes.items() if one.failure}
     if not failures:
         return 0

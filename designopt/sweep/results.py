@@ -12,6 +12,7 @@ import numpy as np
 
 from designopt.errors import UserError
 from designopt.plot import figures
+from designopt.plot.typesetting import heading
 from designopt.study.page import RunRecord
 from designopt.study.result_folders import result_folder
 from designopt.study.results import Cell, Figure, Metric, Results, Table, Target
@@ -65,7 +66,14 @@ def results(points: Points, outcomes: Sequence[Outcome]) -> Results:
     metrics = metrics_of(outcomes)
     units = {name: _shared(column).unit for name, column in metrics.items()}
     values = {name: [_number(metric) for metric in column] for name, column in metrics.items()}
-    steady = [(name, column) for name, column in values.items() if units[name] not in TIMES]
+    constant = [
+        name for name, column in values.items() if units[name] not in TIMES and _is_constant(column)
+    ]
+    steady = [
+        (name, column)
+        for name, column in values.items()
+        if units[name] not in TIMES and name not in constant
+    ]
     timed = [(name, column) for name, column in values.items() if units[name] in TIMES]
     failures = [index for index, outcome in enumerate(outcomes) if outcome.failure]
 
@@ -83,9 +91,17 @@ def results(points: Points, outcomes: Sequence[Outcome]) -> Results:
         _extremes(steady, units),
         table("run_times", shares, times, every),
     ]
-    drawn = [metric_figure(points, name, column) for name, column in metrics.items()]
+    drawn = [
+        metric_figure(points, name, column)
+        for name, column in metrics.items()
+        if name not in constant
+    ]
+    findings = [_finding(points, len(failures))]
+    if constant:
+        named = "; ".join(_in_words(_shared(metrics[name]), values[name]) for name in constant)
+        findings.append(f"The same at every point that has an answer: {named}.")
     return Results(
-        findings=[_finding(points, len(failures))],
+        findings=findings,
         metrics=[
             Metric("points", len(points), "", "points of the sweep"),
             Metric("failed_points", len(failures), "", "points without an answer", None, ALL_FOUND),
@@ -102,6 +118,19 @@ def metrics_of(outcomes: Sequence[Outcome]) -> dict[str, list[Metric | None]]:
         for metric in outcome.metrics:
             found.setdefault(metric.name, [None] * len(outcomes))[index] = metric
     return found
+
+
+def _is_constant(column: Sequence[Value | None]) -> bool:
+    """Whether several points have one value, or none has any: no column or figure shows more."""
+    found = [value for value in column if value is not None]
+    return not found or (len(found) > 1 and len(set(found)) == 1)
+
+
+def _in_words(metric: Metric, column: Sequence[Value | None]) -> str:
+    """A constant metric and its value: ``reflections, 2``."""
+    words = metric.description or heading(metric.name)
+    found = next((value for value in column if value is not None), None)
+    return f"{words}, none" if found is None else f"{words}, {found:.6g} {metric.unit}".rstrip()
 
 
 def _extremes(columns: Columns, units: Mapping[str, str]) -> Table:

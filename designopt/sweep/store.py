@@ -5,9 +5,9 @@ from __future__ import annotations
 import fcntl
 import itertools
 import json
+import logging
 import os
 import re
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -18,6 +18,8 @@ from designopt.io.checksums import checksum_holds, with_checksum
 from designopt.io.files import remove_partials, replaced_when_complete
 from designopt.study.result_folders import cannot_write, check_replaceable, recover_result
 from designopt.sweep.outcomes import Outcome, from_json, to_json
+
+LOG = logging.getLogger(__name__)
 
 DEFINITION = "sweep.json"
 POINTS = "points"
@@ -139,7 +141,7 @@ class Folder:
         """The kept points by their number.
 
         A file that is not the point of its number with the settings that are asked for, or is no
-        longer as it was written, is named on the terminal and is no outcome; one that no sweep
+        longer as it was written, is named in a warning and is no outcome; one that no sweep
         wrote is renamed, for the point's own.
 
         Args:
@@ -159,10 +161,10 @@ class Folder:
                 found[index] = from_json(document)
         if others:
             more = f" and {len(others) - 1} more" if len(others) > 1 else ""
-            print(
-                f"{self.path / POINTS / others[0]}{more}: not a point of this sweep as it was "
-                "written; evaluated anew",
-                file=sys.stderr,
+            LOG.warning(
+                "%s%s: not a point of this sweep as it was written; evaluated anew",
+                self.path / POINTS / others[0],
+                more,
             )
         return found
 

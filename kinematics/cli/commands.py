@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-import sys
+import logging
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from designopt.cli.completion import complete_toml
+from designopt.cli.verbosity import NOTE
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.errors import UserError
 from designopt.io.files import check_toml
 
+LOG = logging.getLogger("designopt.solve")
+
 
 def solve(
-    file: Annotated[Path, typer.Argument(metavar="LINKAGE.toml", help="The linkage.")],
+    file: Annotated[
+        Path,
+        typer.Argument(metavar="LINKAGE.toml", help="The linkage.", autocompletion=complete_toml),
+    ],
     sweep: Annotated[
         list[str] | None,
         typer.Option(
@@ -82,5 +89,5 @@ def solve(
     )
     remarks, assembled = solve_file(request)
     for line in remarks:
-        print(line, file=sys.stderr)
+        LOG.log(NOTE, "%s", line)
     return 0 if assembled else 1

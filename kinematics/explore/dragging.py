@@ -39,8 +39,11 @@ class Dragging:
         self._distances = [design.dimensions.distances[number] for number in design.dimensions.free]
         frames = design.dimensions.frames
         self._frames = {frame.body: frame for frame in frames}
-        # A body with a slider's line is turned by the joint on that line, not by its own joints.
-        self._lined = {self._structure.node(part.on) for part in self._structure.sliders} - {WORLD}
+        # A body with a slider's line is turned by the joint on that line, and one that is kept from
+        # turning by another body, not by its own joints.
+        sliders = self._structure.sliders
+        self._lined = {self._structure.node(part.on) for part in sliders} - {WORLD}
+        self._guided = self._lined | {part.keeps for part in sliders}
         parameters = {joint: self._parameters(joint) for joint in self._structure.joints}
         self._movable = {joint: names for joint, names in parameters.items() if names}
 
@@ -166,7 +169,7 @@ class Dragging:
             if part.joint == joint and structure.node(part.on) == WORLD:
                 found.append(_on_line(joints[joint], complex(*along.tolist())))
         for part in structure.moving:
-            if part.name in self._lined and joint in part.joints[1:]:
+            if part.name in self._guided and joint in part.joints[1:]:
                 first = joints[part.joints[0]]
                 found.append(_on_line(first, joints[joint] - first))
         for frame in self._frames.values():

@@ -49,7 +49,7 @@ class LinkageExplorer(Explorer):
         Args:
             design: the linkage.
         """
-        self.design = LinkageDesign(design)
+        self.design = LinkageDesign(design)  # pyright: ignore[reportIncompatibleVariableOverride]
         self._designed = design
         self._poses = self.design.poses
         self._structure = design.linkage.structure

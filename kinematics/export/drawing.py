@@ -21,7 +21,13 @@ from designopt.export.drawing import (
 )
 from designopt.export.json import Quantity
 from designopt.io.files import printable
-from kinematics.model.assembled import assembled_joints, own_places, zeroed
+from kinematics.model.assembled import (
+    assembled_angles,
+    assembled_joints,
+    assembled_size,
+    own_places,
+    zeroed,
+)
 from kinematics.model.linkage import Linkage
 from kinematics.model.topology import WORLD, BodyPart, InputPart, Structure
 from kinematics.plot.scene import Scene
@@ -75,15 +81,15 @@ def make_linkage_drawing(design: DesignedLinkage, *, pose: bool = True) -> Drawi
 
 
 def sketched_scene(linkage: Linkage) -> Scene:
-    """The sketched pose of a linkage, without solving anything."""
+    """The sketched pose of a linkage; nothing is solved or compiled."""
     return Scene.at(
         linkage.structure,
-        float(linkage.size()),
+        assembled_size(linkage),
         {
             name: np.array([place.real, place.imag])
             for name, place in assembled_joints(linkage).items()
         },
-        {part.name: float(linkage.home_angle(part.name)) for part in linkage.structure.moving},
+        assembled_angles(linkage),
         [
             (float(line.angle), slide)
             for line, slide in zip(linkage.lines, _slides(linkage), strict=True)

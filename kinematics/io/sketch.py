@@ -26,7 +26,9 @@ class LinkageTable(Spec):
     """``[linkage]``."""
 
     name: Title = "linkage"
+    """Its name, in titles and file names."""
     format: Format = FORMAT
+    """Version of the file's format."""
 
 
 def _some(joints: list[str]) -> list[str]:
@@ -39,8 +41,12 @@ class BodyTable(Spec):
     """``[bodies.NAME]``: a rigid body, by its joints; exact lengths replace the sketch's."""
 
     joints: Annotated[list[Name], pydantic.AfterValidator(_some)]
+    """The joints that it holds; the angle of a body is that of its first to its second joint."""
     lengths: dict[str, Length] = pydantic.Field(default_factory=dict)
+    """Exact lengths by pairs of its joints, such as ``{ A-B = 120 }``, mm. Others are the sketch's.
+    """
     fixed: pydantic.StrictBool = False
+    """Whether it stands still; at least one body does."""
 
 
 class SliderTable(Spec):
@@ -52,37 +58,54 @@ class SliderTable(Spec):
     """
 
     joint: Name
+    """The joint that slides."""
     on: Name
+    """The body in which the line is fixed."""
     line: Line
+    """Two points of the line, near the wanted assembly, mm."""
     keeps: Name | None = None
+    """A body of that joint that slides without turning."""
 
 
 class InputTable(Spec):
     """``[[inputs]]``: the angle of a body relative to another, or the place of a slider."""
 
     name: Name
+    """By which commands name it."""
     body: Name | None = None
+    """The body whose angle is driven."""
     slider: Name | None = None
+    """The joint whose place along its line is driven, instead of an angle; mm."""
     relative_to: Name | None = None
+    """The body against which the angle counts; the fixed axes, ``"world"``, by default."""
 
 
 class SpringTable(Spec):
     """``[[springs]]``: a torsion spring between two bodies, N mm/rad and rad."""
 
     between: tuple[Name, Name]
+    """The two bodies."""
     stiffness: Annotated[Number, pydantic.Field(ge=0)]
+    """N mm/rad."""
     preload: Number = 0.0
+    """Angle by which it is wound in the sketch's pose, rad."""
 
 
 class Sketch(Spec):
     """A whole linkage file; lengths in mm."""
 
     linkage: LinkageTable = LinkageTable()
+    """What the whole is called."""
     joints: dict[Name, Point]
+    """Places by name, near the wanted assembly, mm."""
     bodies: dict[Name, BodyTable]
+    """Rigid bodies by name."""
     sliders: list[SliderTable] = pydantic.Field(default_factory=list)
+    """Joints that slide along lines."""
     inputs: list[InputTable] = pydantic.Field(default_factory=list)
+    """What is driven."""
     springs: list[SpringTable] = pydantic.Field(default_factory=list)
+    """Torsion springs."""
 
 
 def load_sketch(path: str | Path) -> Sketch:

@@ -25,7 +25,7 @@ def assembled_joints(linkage: Linkage) -> dict[str, complex]:
     joints: dict[str, complex] = own_places(linkage, WORLD)
     origins = {WORLD: 0j}
     slides = np.asarray(linkage.reference.slides, float).tolist()
-    turns = {part.name: unit(float(linkage.home_angle(part.name))) for part in structure.moving}
+    turns = {name: unit(angle) for name, angle in assembled_angles(linkage).items()}
     turns[WORLD] = 1 + 0j
     for _ in structure.incidences:  # each pass finds a joint or a body at least, if any is left
         for part, line, slide in zip(structure.sliders, linkage.lines, slides, strict=True):
@@ -48,6 +48,24 @@ def assembled_joints(linkage: Linkage) -> dict[str, complex]:
                 for joint, step in steps.items():
                     joints.setdefault(joint, origins[part.name] + step)
     return {joint: complex(zeroed(at.real), zeroed(at.imag)) for joint, at in joints.items()}
+
+
+def assembled_angles(linkage: Linkage) -> dict[str, float]:
+    """The angles of the moving bodies, rad."""
+    angles = np.asarray(linkage.reference.angles, float).tolist()
+    return dict(zip([part.name for part in linkage.structure.moving], angles, strict=True))
+
+
+def assembled_size(linkage: Linkage) -> float:
+    """What `Linkage.size` computes, mm, without compiling anything."""
+    fixed = [*own_places(linkage, WORLD).values()]
+    lengths = [abs(float(link.length)) for link in linkage.links.values()]
+    lengths += [abs(place - fixed[0]) for place in fixed]
+    for part, line in zip(linkage.structure.sliders, linkage.lines, strict=True):
+        if linkage.structure.node(part.on) == WORLD:
+            step = complex(*np.asarray(line.point, float).tolist()) - fixed[0]
+            lengths.append(abs((step / unit(float(line.angle))).imag))
+    return max(lengths) or 1.0
 
 
 def own_places(linkage: Linkage, part: BodyPart | str) -> dict[str, complex]:

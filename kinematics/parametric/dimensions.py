@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.numerics import safe_sqrt
-from designopt.vectors import Vector, rotation
+from designopt.vectors import Vector
 from kinematics.io.designed import DesignedLinkage
 from kinematics.io.sketch import SliderTable
 from kinematics.io.sketch_geometry import measure_sketch
@@ -294,12 +294,10 @@ def _ties(
         start, end = (held.get(point) for point in slider.line)
         if start is None and end is None:
             continue
-        line = design.linkage.lines[index]
-        along = rotation(line.angle)
-        length = math.dist(*slider.line)
-        first = (float(points[index][0]), float(points[index][1]))
-        last = (first[0] + length * float(along.x), first[1] + length * float(along.y))
-        found.append(Tie(index, start, end, (first, last)))
+        angle, length = float(design.linkage.lines[index].angle), math.dist(*slider.line)
+        x, y = points[index].tolist()
+        last = x + length * math.cos(angle), y + length * math.sin(angle)
+        found.append(Tie(index, start, end, ((x, y), last)))
     return found
 
 

@@ -13,15 +13,18 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.quick_compilation import compile_quickly
-from designopt.solution import Solution
 from kinematics.model.linkage import Linkage
 from kinematics.parametric.dimensions import Dimensions
 from kinematics.plot.scene import Scene, Travel
 from kinematics.solve.plan import make_plan
+from kinematics.solve.poses import PoseResult
 from kinematics.solve.transmission import solve_poses_and_angles
 
 SAMPLES, FEW_SAMPLES = 121, 41
 """Of a sweep: every 3° of a full turn; fewer where every pose has to be followed."""
+
+AT_ONCE, FEW_AT_ONCE = 244, 64
+"""Poses of one run of the program: a pose, a sweep, and those by which a design is searched."""
 
 MOST_LIMITS = 6
 """The most limits that are located in one sweep."""
@@ -63,9 +66,8 @@ class PoseBatch(NamedTuple):
 
     def message(self) -> str:
         """Why the first one is none; empty if it is one."""
-        first = jax.tree.map(lambda code: jnp.asarray(code)[:1], self.result)
-        margin = jnp.asarray(self.margin[:1])
-        return Solution(None, margin, margin, first).messages()[0]
+        # An item has a message as an array of one number, and none as a number.
+        return PoseResult[jax.tree.map(lambda code: code[0, ...], self.result)]
 
 
 def together(*batches: PoseBatch) -> PoseBatch:
@@ -157,7 +159,7 @@ class PoseEvaluator:
         self.home = np.asarray(linkage.reference.inputs, float)
         self.turning = [part.slider is None for part in self.structure.inputs]
         self._bodies = [part.name for part in self.structure.bodies]
-        self._batch = 2 * self.samples
+        self._batch = FEW_AT_ONCE if self.iterated else AT_ONCE
 
     def solve(
         self, distances: Float[np.ndarray, " distances"], inputs: Float[np.ndarray, "poses inputs"]

@@ -158,8 +158,7 @@ class LinkageDesign(ParametricDesign):
         asked for.
         """
         least = LEAST_MARGIN * self._greatest
-        with jax.ensure_compile_time_eval():
-            own = self._judged_poses(self.designed)[1].min()
+        own = self._judged_poses(self.designed)[1].min()
         if -TOUCHING * self._greatest < own < 2 * least:
             least = own / 2 if own > TOUCHING * self._greatest else -TOUCHING * self._greatest
         found = [Bound("margin", ">=", least, "every pose of the range assembles")]
@@ -179,8 +178,7 @@ class LinkageDesign(ParametricDesign):
     @functools.cached_property
     def ranges(self) -> tuple[tuple[float, float], ...]:
         """The working range of every input, rad or mm."""
-        with jax.ensure_compile_time_eval():
-            return tuple(self._range(column) for column in range(len(self.poses.home)))
+        return tuple(self._range(column) for column in range(len(self.poses.home)))
 
     def _range(self, column: int) -> tuple[float, float]:
         name = self.poses.linkage.input_names[column]
@@ -210,8 +208,7 @@ class LinkageDesign(ParametricDesign):
             return coarse, fine
         # Only cells of the grid all of whose corners are poses, and not just so: what is judged
         # lies between them.
-        with jax.ensure_compile_time_eval():
-            margin = self.poses.solve(self.designed, coarse).margin.reshape((along,) * count)
+        margin = self.poses.solve(self.designed, coarse).margin.reshape((along,) * count)
         good = margin > INSIDE * np.max(margin)
         cells = np.ones((along - 1,) * count, bool)
         used = np.zeros_like(good)
@@ -250,7 +247,8 @@ class LinkageDesign(ParametricDesign):
         if not {*of} - {*found}:
             return found
         linkage = self.dimensions.linkage(self.poses.linkage, distances)
-        cases = jnp.asarray(self.cases, values.dtype)
+        with jax.ensure_compile_time_eval():  # the first time they are computed, not traced
+            cases = jnp.asarray(self.cases, values.dtype)
         poses, angles = solve_poses_and_angles(linkage, cases)
         found["margin"] = poses.margin
         for group in make_plan(linkage.structure).groups:

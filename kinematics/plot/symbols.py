@@ -13,12 +13,12 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
+from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch, Polygon
 from matplotlib.path import Path
 from matplotlib.patheffects import withTickedStroke
 from matplotlib.transforms import Affine2D, ScaledTranslation, Transform
 
-from designopt.plot.quick_line import QuickLine
 from kinematics.plot.scene import Place, Points
 
 INK, GRAY, PAPER = "#222222", "#8A8A8A", "white"
@@ -86,7 +86,7 @@ def stroke(
     axes: Axes, line: Points, color: Any, width: float, z: float, gid: str, **style: Any
 ) -> None:
     """A line with round ends and corners."""
-    artist = QuickLine(line[:, 0], line[:, 1], color=color, linewidth=width, zorder=z, **style)
+    artist = Line2D(line[:, 0], line[:, 1], color=color, linewidth=width, zorder=z, **style)
     artist.set(solid_capstyle="round", solid_joinstyle="round", gid=gid)
     add(axes, artist)
 
@@ -102,7 +102,7 @@ def point(axes: Axes, name: str, place: Place, z: float, color: str) -> None:
 
 
 def _dot(axes: Axes, name: str, place: Place, z: float, size: float, edge: str, face: str) -> None:
-    artist = QuickLine([place[0]], [place[1]], marker="o", color=edge, markerfacecolor=face)
+    artist = Line2D([place[0]], [place[1]], marker="o", color=edge, markerfacecolor=face)
     artist.set(markersize=size, markeredgewidth=1.1, zorder=z, gid=f"joint:{name}")
     add(axes, artist)
 
@@ -112,7 +112,7 @@ def ground(axes: Axes, place: Place, z: float) -> None:
     at = anchored(axes, place)
     triangle = Path([*GROUND, GROUND[0]], closed=True)
     add(axes, PathPatch(triangle, fc=PAPER, ec=INK, lw=1.0, transform=at, zorder=z, gid="ground"))
-    base = QuickLine([-11.0, 11.0], [GROUND[1, 1]] * 2, transform=at, zorder=z)
+    base = Line2D([-11.0, 11.0], [GROUND[1, 1]] * 2, transform=at, zorder=z)
     _hatch(axes, base)
 
 
@@ -130,13 +130,11 @@ def track(axes: Axes, ends: Points, z: float) -> None:
     down = np.array([step[1], -step[0]]) / math.hypot(*step) * BLOCK[1] / 2 / 72
     figure: Any = axes.figure
     shift = ScaledTranslation(float(down[0]), float(down[1]), figure.dpi_scale_trans)
-    base = QuickLine(
-        ends[:, 0], ends[:, 1], transform=axes.transData + shift, zorder=z, gid="track"
-    )
+    base = Line2D(ends[:, 0], ends[:, 1], transform=axes.transData + shift, zorder=z, gid="track")
     _hatch(axes, base)
 
 
-def _hatch(axes: Axes, line: QuickLine) -> None:
+def _hatch(axes: Axes, line: Line2D) -> None:
     line.set(color=INK, linewidth=1.0)
     strokes = withTickedStroke(spacing=4.0, angle=-130, length=1.0, linewidth=0.7)
     line.set_path_effects([strokes])

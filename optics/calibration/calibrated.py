@@ -66,18 +66,31 @@ class LensTable(Spec):
     """``[lens]`` of a lens file."""
 
     name: Title = "camera"
+    """Of the camera."""
     format: Format = FORMAT
+    """Version of the file's format."""
     pixels: tuple[Pixels, Pixels]
+    """Columns and rows of its images."""
     focal_px: Length
+    """Focal length on the axis, px/rad."""
     principal_px: tuple[Number, Number]
+    """Where the axis is imaged: column and row, px."""
     projection: Coefficients
+    """k₁, k₂, … of Kannala and Brandt."""
     pupil_shift: tuple[Number, Number]
+    """e₂ and e₄ of the moving entrance pupil, mm per rad² and per rad⁴."""
     widest_deg: Annotated[Number, pydantic.Field(gt=0, le=180)]
+    """Largest angle from the axis at which a corner was seen, degrees."""
     noise_px: Annotated[Number, pydantic.Field(ge=0)]
+    """Standard deviation of a corner's column or row, px."""
     held_out_px: Annotated[Number, pydantic.Field(ge=0)]
+    """Median distance of predicted from found corners in held-out pictures, px."""
     distances_mm: tuple[Length, Length]
+    """Least and greatest distance of the boards from the pupil, mm."""
     pictures: Annotated[int, pydantic.Field(strict=True, ge=1)]
+    """How many there were."""
     covariance: list[list[Number]]
+    """Of focal_px, principal_px, the coefficients and the pupil's shift, in that order."""
 
     @pydantic.model_validator(mode="after")
     def _images_what_it_has_seen(self) -> LensTable:
@@ -111,6 +124,7 @@ class LensFile(Spec):
     """A whole lens file."""
 
     lens: LensTable
+    """The calibrated lens."""
 
 
 def read_lens(path: str | Path) -> CalibratedLens:

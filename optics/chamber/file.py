@@ -32,24 +32,38 @@ class ChamberTable(Spec):
     """``[chamber]``: the fields of `optics.Chamber` by its names, lengths in mm."""
 
     name: Title | None = None
+    """Its name, in titles and file names."""
     format: Format = FORMAT
+    """Version of the file's format."""
     length_ab: Length
+    """a, red region: A to B along the centre line, mm."""
     length_bc: Length
+    """b, blue region: B to C, mm."""
     length_cd: Length
+    """c, yellow region: C to D, mm."""
     offset_a: Length
+    """Δl_A, wall to centre line at A, mm."""
     offset_b: Number
+    """Δl_B, wall to centre line at B, mm."""
     wall_angle_bc_deg: Annotated[Number, pydantic.AfterValidator(_less_than_a_right_angle)]
+    """θ_BC, slope of the blue wall, degrees."""
     offset_d: Number
+    """Δl_D, wall to centre line at D, counted to the other side, mm."""
     focal_length: Length
+    """f, mm."""
     image_distance: Length
+    """v, pinhole to image plane, mm."""
     reference_height: Number
+    """h, reference ray above the line from which offsets count, mm."""
     pinhole_offset: Number
+    """δ, pinhole before A along the centre line, mm."""
 
 
 class ChamberFile(Spec):
     """The whole file."""
 
     chamber: ChamberTable
+    """Wall and camera."""
 
 
 def read_chamber(path: Path) -> tuple[str, Chamber]:

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-import sys
+import logging
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from designopt.cli.completion import complete_toml
+from designopt.cli.verbosity import NOTE
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.io.files import check_toml
 
+LOG = logging.getLogger("designopt.trace")
+
 
 def trace(
-    file: Annotated[Path, typer.Argument(metavar="SCENE.toml", help="The scene.")],
+    file: Annotated[
+        Path,
+        typer.Argument(metavar="SCENE.toml", help="The scene.", autocompletion=complete_toml),
+    ],
     pose: Annotated[
         list[str] | None,
         typer.Option(metavar="ANGLE=DEG,...", help="Joint angles, degrees; those not named are 0."),
@@ -79,5 +86,5 @@ def trace(
         force=force,
     )
     for line in remarks:
-        print(line, file=sys.stderr)
+        LOG.log(NOTE, "%s", line)
     return 0

@@ -192,6 +192,8 @@ def _line(
 
 def _remark(chamber: Chamber) -> str:
     """What keeps a chamber that has an image from being a good one."""
+    if chamber.focal_length == chamber.image_distance:
+        return "At f = v no ring has a width: change f or v."
     if chamber.offset_d > chamber.reference_height:
         return (
             "D lies beyond the reference ray, so the top has no ring: "

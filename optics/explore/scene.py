@@ -6,7 +6,9 @@ import cmath
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import pairwise
+from typing import Any
 
 import jax
 import numpy as np
@@ -28,7 +30,7 @@ from designopt.optimize.parametric import Values
 from designopt.solution import Solution
 from optics.export.scene_drawing import CAMERA, draw_scene, draw_views
 from optics.parametric.scene import SceneParameters, scene_at
-from optics.parametric.scene_measures import missed_by, quickly, see, sharpness_of
+from optics.parametric.scene_measures import quickly, see, sharpness_of
 from optics.plot.section import Section
 from optics.scene.designed import DesignedScene
 from optics.scene.scene import WORLD, Layout, Scene
@@ -80,7 +82,8 @@ class Seen:
 
 def look_at(scene: Scene, angles: Float[np.ndarray, " joints"]) -> Seen:
     """What is seen of a scene with pads at joint angles in rad."""
-    views, coverage, redundancy = see(scene, angles)
+    views, *parts = see(scene, angles)
+    coverage, redundancy, missed = map(np.asarray, parts)
     several = jax.tree.map(lambda leaf: leaf[None], views)
     bounces = scene.layout.bounces
     sharpness = sharpness_of(scene, angles[None], several.value)
@@ -106,7 +109,7 @@ def look_at(scene: Scene, angles: Float[np.ndarray, " joints"]) -> Seen:
     pairs = [(what, why.strip()) for what, why in pairwise(lines) if why.startswith(" ")]
     order = np.argsort(coverage[coverage < 1 - ROUNDING], kind="stable")
     hidden = (coverage == 0) & (len(scene.layout.curved) == 0)
-    missed = np.where(hidden, np.asarray(missed_by(views)), np.nan)
+    missed = np.where(hidden, missed, np.nan)
     return Seen(views, coverage, sharpness, missed, tuple(pairs[index] for index in order))
 
 
@@ -135,6 +138,7 @@ class SceneExplorer(Explorer):
         self._scene = design.scene
         self._turnable = (*self.joints, *self.design.parameters)
         self._before = self.values()
+        self._program: Future[Any] | None = None
         self._swept, self._curve_of = self._turnable[0], ()
         self._panels: tuple[View | Chart, ...] = (*self.sketch(), *self._chart(self._before, None))
 
@@ -147,13 +151,14 @@ class SceneExplorer(Explorer):
 
         Where the values describe no scene, the picture stays that of the last ones that do.
         """
+        scene = self._parameters.scene(values)
         try:
-            self._parameters.tables(values)
+            self._parameters.tables_of(scene)
         except UserError as error:
             return ExplorerState(seen_readouts(self._scene.layout, None), self._panels, str(error))
-        scene = self._parameters.scene(values)
-        seen = look_at(scene, self._angles(values))
         self._notice(values)
+        self._prepare_curve(values)
+        seen = look_at(scene, self._angles(values))
         self._panels = (self._view(scene, values, seen), *self._chart(values, seen))
         message = ""
         if seen.remarks:
@@ -225,22 +230,34 @@ class SceneExplorer(Explorer):
         layout, swept = self._scene.layout, self._swept
         if layout.curved:
             return []
-        places = np.linspace(swept.low, swept.high, PLACES).tolist()
         rest = (swept.name, *(values[one.name] for one in self._turnable if one is not swept))
-        if seen is not None and rest != self._curve_of:
-            states = [{**values, swept.name: place} for place in places]
-            numbers = np.array(
-                [[state[one.name] for one in self.design.parameters] for state in states]
-            )
-            angles = np.stack([self._angles(state) for state in states])
-            self._curve = 100 * np.asarray(quickly(_coverage)(self._scene, numbers, angles))
+        if seen is not None and self._program is not None and rest != self._curve_of:
+            program = self._program.result()
+            self._curve = 100 * np.asarray(program(self._scene, *self._states(values)))
             self._curve_of = rest
         series = []
         if seen is not None:
             columns = zip(layout.pads, self._curve.T.tolist(), strict=True)
+            places = np.linspace(swept.low, swept.high, PLACES).tolist()
             series = [Series(part.name, places, column) for part, column in columns]
         label = f"{swept.label or swept.name} ({swept.unit})"
         return [Chart(COVERAGE, label, "coverage (%)", series, values[swept.name], (0.0, 100.0))]
+
+    def _states(self, values: Values) -> tuple[np.ndarray, np.ndarray]:
+        """Parameters, and joint angles (rad), over the range of what was moved last."""
+        swept = self._swept
+        places = np.linspace(swept.low, swept.high, PLACES).tolist()
+        states = [{**values, swept.name: place} for place in places]
+        numbers = [[state[one.name] for one in self.design.parameters] for state in states]
+        return np.array(numbers), np.stack([self._angles(state) for state in states])
+
+    def _prepare_curve(self, values: Values) -> None:
+        """Compile the chart's program in the background, beside that of the picture."""
+        if self._program is None and not self._scene.layout.curved:
+            lowered = quickly(_coverage).lower(self._scene, *self._states(values))
+            pool = ThreadPoolExecutor(max_workers=1)
+            self._program = pool.submit(lowered.compile)
+            pool.shutdown(wait=False)
 
 
 def seen_readouts(layout: Layout, seen: Seen | None) -> list[Readout]:
@@ -305,6 +322,11 @@ def with_light(
         layer = SEEN if covered else HIDDEN
         text = f"{line.name}, {covered:.3g} % seen" if covered else f"{line.name}, not seen"
         labels.append(Label(layer, _along(line.places, (0.5, 0.5))[0], text))
+    for layer in light:
+        # Paths do not differ by color alone: each is named in the middle of what it shows last.
+        places = [line.places for line in outlines if line.layer == layer.name][-1]
+        x, y = (sum(axis) / len(places) for axis in zip(*places, strict=True))
+        labels.append(Label(layer.name, (x, y), layer.name))
     others = [layer for layer in drawing.layers if layer.name != "pads"]
     parted = [Layer(name, "pad", color=color) for name, color in COLORS.items()]
     return drawing._replace(

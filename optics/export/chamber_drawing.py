@@ -36,6 +36,9 @@ LINES, CAMERA = "construction", "camera"
 SIGN = 0.01
 """Radius of the pinhole's circle, as a part of the chamber's length."""
 
+AROUND = 120
+"""Edges that stand for a circle in the image, which is far smaller than a mm."""
+
 
 def make_chamber_drawing(design: DesignedChamber) -> Drawing:
     """The section of a chamber's wall, by `draw_chamber`, with its imaging ratio."""
@@ -143,12 +146,12 @@ def draw_rings(chamber: Chamber, *, title: str) -> Drawing:
 
 
 def _ring(layer: str, name: str, outer: float, inner: float) -> Polyline:
-    """A filled ring as one outline: around outside, across, back around inside; or a circle."""
-    places, bulges = [(outer, 0.0), (-outer, 0.0)], [1.0, 1.0]
+    """A filled ring as one outline: around outside, and back around inside; or a circle."""
+    turns = [2 * math.pi * part / AROUND for part in range(AROUND + 1)]
+    places = [(outer * math.cos(turn), outer * math.sin(turn)) for turn in turns]
     if inner > 0:
-        places += [(outer, 0.0), (inner, 0.0), (-inner, 0.0), (inner, 0.0)]
-        bulges += [0.0, -1.0, -1.0, 0.0]
-    return Polyline(layer, places, True, bulges, name)
+        places += [(inner * math.cos(turn), inner * math.sin(turn)) for turn in reversed(turns)]
+    return Polyline(layer, places, closed=True, name=name)
 
 
 def _wall(region: str) -> str:

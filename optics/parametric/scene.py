@@ -25,7 +25,6 @@ from optics.parametric.scene_measures import (
     find_module_room,
     find_resolution,
     find_worst_blur,
-    missed_by,
     see,
     sharpness_of,
     signed_coverage,
@@ -124,7 +123,7 @@ class SceneParameters(ParametricDesign):
     """
 
     def __init__(
-        self, design: DesignedScene, *, over: Mapping[str, tuple[float, float]] | None = None
+        self, design: DesignedScene, over: Mapping[str, tuple[float, float]] | None = None
     ) -> None:
         """Nothing is compiled yet.
 
@@ -198,7 +197,11 @@ class SceneParameters(ParametricDesign):
         return {name: self._part(name, arrays) for name in of}
 
     def judge(self, values: Values) -> dict[str, float]:
-        """As `ParametricDesign.judge`: exactly, and at more poses than a search looks at."""
+        """As `ParametricDesign.judge`: exactly, and at more poses than a search looks at.
+
+        The requirements are found with it, which compiles nothing more.
+        """
+        _ = self.requirements
         self.tables(values)
         return self._judged(values, tuple(measure.name for measure in self.measures))
 
@@ -210,7 +213,8 @@ class SceneParameters(ParametricDesign):
 
     def scene(self, values: Values) -> Scene:
         """The scene with these values."""
-        return _arranged(self._design.scene, self.vector(values))
+        numbers = np.array([values[parameter.name] for parameter in self.parameters])
+        return _arranged(self._design.scene, numbers)
 
     def tables(self, values: Values) -> dict[str, Any]:
         """The tables of the scene file with these values.
@@ -218,7 +222,11 @@ class SceneParameters(ParametricDesign):
         Raises:
             UserError: these values describe no scene, and why.
         """
-        tables = scene_tables(self.scene(values))
+        return self.tables_of(self.scene(values))
+
+    def tables_of(self, scene: Scene) -> dict[str, Any]:
+        """As `tables`, of a scene of these parameters."""
+        tables = scene_tables(scene)
         lens = self._design.file.camera.lens
         if lens is not None:
             # No value turns it, and of the scene its numbers would come back with rounding.
@@ -235,8 +243,8 @@ class SceneParameters(ParametricDesign):
     def _judged(self, values: Values, of: tuple[str, ...]) -> dict[str, float]:
         """Measures over the poses of a judgement."""
         scene, poses = self.scene(values), self._more_poses
-        found, coverage, _ = see(scene, poses)
-        hidden = np.where(coverage > 0, coverage, -np.asarray(missed_by(found)))
+        found, coverage, _, missed = see(scene, poses)
+        hidden = np.where(coverage > 0, coverage, -missed)
         arrays: dict[str, np.ndarray] = {"coverage": hidden}
         kinds = {name.partition(".")[0] for name in of}
         if kinds & {"px_per_mm", "blur"}:
@@ -269,17 +277,20 @@ class SceneParameters(ParametricDesign):
 
             return where
 
-        kinds = [("coverage", "", "part of a pad that is seen", 1.0)]
-        kinds += [("px_per_mm", "px/mm", "resolution of what is seen of a pad", self._nominal)]
-        for kind, unit, what, scale in kinds:
+        kinds = [("coverage", "", "part of a pad that is seen", 1.0, 1.0)]
+        sharp = "resolution of what is seen of a pad"
+        kinds += [("px_per_mm", "px/mm", sharp, self._nominal, math.inf)]
+        for kind, unit, what, scale, most in kinds:
+            words: dict[str, Any] = {"scale": scale, "limits": (-math.inf, most)}
             several = over([f"pad '{name}'" for name in pads])
-            yield Measure(kind, unit, f"least {what}", scale=scale, where=several)
+            yield Measure(kind, unit, f"least {what}", where=several, **words)
             for name in pads:
                 what_of = what.replace("a pad", f"pad '{name}'")
-                yield Measure(f"{kind}.{name}", unit, what_of, scale=scale, where=over(()))
+                yield Measure(f"{kind}.{name}", unit, what_of, where=over(()), **words)
         if camera.lens is not None:
             what = "diameter of the largest blur spot on what is seen"
-            yield Measure("blur", "px", what, "greatest", where=over([f"pad '{n}'" for n in pads]))
+            where = over([f"pad '{name}'" for name in pads])
+            yield Measure("blur", "px", what, "greatest", limits=(0.0, math.inf), where=where)
         if camera.module is not None:
             parts = [
                 layout.title(i) for i in range(len(layout.mirrors + layout.pads + layout.blockers))
@@ -293,8 +304,9 @@ class SceneParameters(ParametricDesign):
                 "mm",
                 "length of the longest mirror",
                 "greatest",
-                _reach(design),
-                lambda index: mirrors[index[0]],
+                scale=_reach(design),
+                limits=(0.0, math.inf),
+                where=lambda index: mirrors[index[0]],
             )
 
     def _pose(self, index: int) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -40,27 +40,32 @@ another view shows that place. What is seen best often ends at the pad's end, an
 lead away from where it would recede."""
 
 
-def see(
-    scene: Scene, angles: Float[np.ndarray, "*poses joints"]
-) -> tuple[Solution[Pieces], Float[np.ndarray, "*poses pads"], Float[np.ndarray, "*poses pads"]]:
-    """What is seen in poses, in NumPy arrays.
+class Sight(NamedTuple):
+    """What is seen in poses.
 
-    Args:
-        scene: the scene.
-        angles: joint angles, rad.
-
-    Returns:
-        The pieces, the part of each pad that is seen, and by how many paths on average.
+    Attributes:
+        found: the pieces.
+        coverage: part of each pad that is seen.
+        redundancy: by how many paths a point of it is seen on average.
+        missed_by: see `missed_by`.
     """
-    return jax.tree.map(np.asarray, quickly(_views)(scene, angles))
+
+    found: Solution[Pieces]
+    coverage: Float[Array | np.ndarray, "*poses pads"]
+    redundancy: Float[Array | np.ndarray, "*poses pads"]
+    missed_by: Float[Array | np.ndarray, "*poses pads"]
 
 
-def _views(
-    scene: Scene, angles: Float[Array, "*poses joints"]
-) -> tuple[Solution[Pieces], Float[Array, "*poses pads"], Float[Array, "*poses pads"]]:
+def see(scene: Scene, angles: Float[np.ndarray, "*poses joints"]) -> Sight:
+    """What is seen at joint angles in rad, in NumPy arrays."""
+    return jax.tree.map(np.asarray, quickly(_sight)(scene, angles))
+
+
+def _sight(scene: Scene, angles: Float[Array, "*poses joints"]) -> Sight:
     found = (trace_views if scene.layout.curved else find_views)(scene, angles)
     coverage = found.value.coverage()
-    return found, jnp.where(coverage > ROUNDING, coverage, 0.0), found.value.redundancy()
+    covered = jnp.where(coverage > ROUNDING, coverage, 0.0)
+    return Sight(found, covered, found.value.redundancy(), missed_by(found))
 
 
 def sharpness_of(
@@ -77,7 +82,7 @@ def sharpness_of(
 
 def missed_by(found: Solution[Pieces]) -> Float[Array, "*poses pads"]:
     """The angle (rad) by which the path that comes nearest misses each pad; 0 where one sees it."""
-    return jnp.maximum(-jnp.max(jnp.asarray(found.margin), axis=-2), 0.0)
+    return jnp.maximum(-jnp.max(found.margin, axis=-2), 0.0)
 
 
 def signed_coverage(found: Solution[Pieces]) -> Float[Array, "*poses pads"]:
@@ -209,7 +214,7 @@ def _squared_distance(
 
 
 @functools.cache
-def quickly(function: Callable[..., Any]) -> Callable[..., Any]:
+def quickly(function: Callable[..., Any]) -> Any:
     """A function, compiled once for every structure of its arguments."""
     return jax.jit(function, compiler_options=_known_options())
 

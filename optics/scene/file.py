@@ -73,17 +73,24 @@ class SceneTable(Spec):
     """``[scene]``."""
 
     name: Title | None = None
+    """Its name, in titles and file names."""
     format: Format = FORMAT
+    """Version of the file's format."""
     bounces: Annotated[int, pydantic.Field(strict=True, ge=0, le=MOST_BOUNCES)] | None = None
+    """Most reflections of a path; by default as many as mirrors, at most 2; with a curved one 2."""
 
 
 class LensTable(Spec):
     """``[camera.lens]``: a thin lens, focused at a distance; mm."""
 
     focal_length: Length
+    """mm."""
     f_number: Length
+    """Focal length over the diameter of the entrance pupil."""
     focus: Length
+    """Distance at which the image is sharp, mm."""
     nearest_focus: Length | None = None
+    """The nearest distance at which the lens can be focused, mm."""
 
     @pydantic.model_validator(mode="after")
     def _forms_an_image(self) -> LensTable:
@@ -108,8 +115,11 @@ class FormatTable(Spec):
     """
 
     sensor_mm: tuple[Length, Length]
+    """Long and short side of the light-sensitive area, mm."""
     pixels: tuple[Pixels, Pixels]
+    """Pixels along the long and the short side."""
     section_axis: Literal["long", "short"]
+    """The side that lies in the section."""
 
     @pydantic.model_validator(mode="after")
     def _has_square_pixels(self) -> FormatTable:
@@ -128,11 +138,17 @@ class ModuleTable(Spec):
     """``[camera.module]``: the body of the camera, in mm; see `CameraModule`."""
 
     lens_diameter: Length
+    """Of the barrel, mm."""
     lens_length: Length
+    """From the barrel's front to the board's, mm."""
     pupil_depth: Number
+    """From the barrel's front back to the entrance pupil, mm."""
     board: tuple[Length, Length]
+    """Sides of the circuit board, along the section and across it, mm."""
     board_thickness: Length
+    """mm."""
     connector_length: Annotated[Number, pydantic.Field(ge=0)] = 0.0
+    """How far connector and cable stand out at the board's back, mm."""
 
     @pydantic.model_validator(mode="after")
     def _has_its_pupil_before_the_board(self) -> ModuleTable:
@@ -154,21 +170,37 @@ class CameraTable(Spec):
     """
 
     position: Point
+    """Entrance pupil of rays along the axis, mm."""
     direction_deg: Number
+    """Optical axis, counter-clockwise from +x, degrees."""
     model: Name | None = None
+    """A camera of the catalogue, which fills in what is not given."""
     fov_deg: Annotated[Number, pydantic.Field(gt=0, le=360)] | None = None
+    """Field of view, degrees: in the section, or with ``format`` along ``fov_axis``."""
     fov_axis: Axis | None = None
+    """The axis of the sensor along which a maker states the field of view."""
     pixels: Pixels | None = None
+    """Pixels of the image line, without ``format``."""
     focal_length: Length | None = None
+    """Focal length of a lens as it is sold, mm."""
     projection: ProjectionEntry | None = None
+    """Name of the projection, or Kannala-Brandt coefficients; equidistant by default."""
     image_circle_mm: Length | None = None
+    """Diameter of what the lens images, where it ends before the sensor's edge, mm."""
     max_blur_px: Length | None = None
+    """Greatest diameter of the blur disc before a view is named as blurred, px."""
     pupil_shift: tuple[Number, Number] | None = None
+    """e₂ and e₄ of the moving entrance pupil, mm per rad² and per rad⁴."""
     axis_offset_px: tuple[Number, Number] | None = None
+    """Where the axis is imaged, from the image's middle: columns right, rows down, px."""
     body: Name = FIXED
+    """The frame that carries it."""
     format: FormatTable | None = None
+    """The sensor as it is sold."""
     lens: LensTable | None = None
+    """A thin lens, from which blur follows."""
     module: ModuleTable | None = None
+    """The camera's body, which hides what is behind it."""
 
     @pydantic.model_validator(mode="before")
     @classmethod
@@ -299,10 +331,15 @@ class SurfaceTable(Spec):
     """What mirrors, pads and blockers have in common; ends in mm."""
 
     name: Title
+    """By which paths, measures and messages name it."""
     start: Point = pydantic.Field(alias="from")
+    """First end, mm."""
     end: Point = pydantic.Field(alias="to")
+    """Second end, mm."""
     side: Side = "both"
+    """The side that reflects, senses or hides, seen from ``from`` to ``to``."""
     body: Name = FIXED
+    """The frame that carries it."""
 
     @pydantic.model_validator(mode="after")
     def _has_a_length(self) -> SurfaceTable:
@@ -318,7 +355,9 @@ class SheetTable(Spec):
     """An entry of ``layers`` of a mirror: clear, with black ends at right angles; mm."""
 
     thickness: Length
+    """mm."""
     index: Index
+    """Index of refraction."""
 
 
 class MirrorTable(SurfaceTable):
@@ -332,11 +371,15 @@ class MirrorTable(SurfaceTable):
     """
 
     name: MirrorName
+    """By which paths name it."""
     radius: Number | None = None
+    """Radius of curvature at the vertex, signed, mm; straight without."""
     conic: Number | None = None
+    """Conic constant k of a curved one; 0 by default, a circle."""
     layers: Annotated[list[SheetTable], pydantic.Field(max_length=MOST_LAYERS)] = pydantic.Field(
         default_factory=list
     )
+    """Clear sheets in front of the coat, the outermost first."""
 
     @pydantic.model_validator(mode="after")
     def _lies_behind_its_layers(self) -> MirrorTable:
@@ -387,16 +430,22 @@ class IndexTable(Spec):
     """An index of refraction for each color of an image."""
 
     red: Index
+    """In red light."""
     green: Index
+    """In green light, in which views are computed."""
     blue: Index
+    """In blue light."""
 
 
 class SidesTable(Spec):
     """What the end faces of a layer are, and those beside it."""
 
     start: EndKind = pydantic.Field("black", alias="from")
+    """The end face at ``from``."""
     end: EndKind = pydantic.Field("black", alias="to")
+    """The end face at ``to``."""
     beside: EndKind = "black"
+    """Both faces beside the section."""
 
 
 BLACK = SidesTable.model_validate({})
@@ -414,19 +463,26 @@ class LayerTable(Spec):
     """An entry of ``layers``: a plate on the pad, towards the camera; mm."""
 
     thickness: Length
+    """mm."""
     index: Annotated[IndexTable, pydantic.BeforeValidator(_in_all_colors)]
+    """Index of refraction, or one for each color."""
     sides: Annotated[SidesTable, pydantic.BeforeValidator(_on_all_sides)] = (
         SidesTable.model_validate({})
     )
+    """What its end faces are: one word for all, or a table."""
     overhang: Annotated[tuple[NotNegative, NotNegative], AtBothEnds] = (0.0, 0.0)
+    """By how much it is longer than the membrane, at each end, mm."""
     bevel_deg: Annotated[tuple[Bevel, Bevel], AtBothEnds] = (0.0, 0.0)
+    """By how much its ends are cut back towards the camera, degrees."""
 
 
 class BezelTable(Spec):
     """``bezel``: the seat that holds the outermost layer at its edge; mm."""
 
     lip: Annotated[tuple[NotNegative, NotNegative], AtBothEnds]
+    """How far it covers the outermost layer at each end, mm."""
     height: NotNegative
+    """Above the outermost layer, mm."""
 
 
 class PadTable(SurfaceTable):
@@ -437,12 +493,17 @@ class PadTable(SurfaceTable):
     """
 
     min_grazing_deg: Annotated[Number, pydantic.Field(ge=0, lt=90)] = 0.0
+    """Least angle between ray and surface for a view to count, degrees; in air."""
     min_transmission: Annotated[Number, pydantic.Field(ge=0, lt=1)] | None = None
+    """Least part of the light that must come through all surfaces; 0.3 by default with layers."""
     width: Length | None = None
+    """Across the section, mm; needed for images and outlines."""
     layers: Annotated[list[LayerTable], pydantic.Field(max_length=MOST_LAYERS)] = pydantic.Field(
         default_factory=list
     )
+    """Clear plates on it, from the camera's side to the membrane."""
     bezel: BezelTable | None = None
+    """Seat at the edge of the outermost layer."""
 
     @pydantic.model_validator(mode="after")
     def _holds_its_layers(self) -> PadTable:
@@ -476,17 +537,27 @@ class FrameTable(Spec):
     """``[frames.NAME]``: what moves, hinged in another frame (hinge in mm)."""
 
     hinge: Point
+    """Where it is hinged, mm."""
     angle: Name
+    """Name of its joint angle."""
     parent: Name = FIXED
+    """The frame in which it is hinged."""
     positive: Literal["counterclockwise", "clockwise"] = "counterclockwise"
+    """The sense in which the angle counts."""
 
 
 class SceneFile(Spec):
     """A whole scene file; all coordinates are those of the pose in which every angle is 0."""
 
     scene: SceneTable = SceneTable()
+    """What concerns the whole."""
     camera: CameraTable
+    """The camera."""
     mirrors: list[MirrorTable] = pydantic.Field(default_factory=list)
+    """Mirrors."""
     pads: list[PadTable] = pydantic.Field(default_factory=list)
+    """Surfaces that are to be seen."""
     blockers: list[SurfaceTable] = pydantic.Field(default_factory=list)
+    """What hides and neither reflects nor senses."""
     frames: dict[Name, FrameTable] = pydantic.Field(default_factory=dict)
+    """What moves."""

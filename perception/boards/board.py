@@ -171,6 +171,7 @@ class BoardFile(Spec):
     """The whole file."""
 
     board: Board
+    """The board."""
 
 
 def markers_in(dictionary: Dictionary) -> int:

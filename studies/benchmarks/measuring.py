@@ -77,7 +77,7 @@ def in_fresh_processes(prepare: str, timed: str) -> list[float]:
         f"import time, jax\njax.config.update('jax_enable_x64', True)\n{prepare}\n"
         f"start = time.perf_counter()\n{timed}\nprint(time.perf_counter() - start)"
     )
-    command = [sys.executable, "-c", program]
+    command = [sys.executable, "-P", "-c", program]  # nothing from the current folder
     environment = os.environ | {"JAX_ENABLE_COMPILATION_CACHE": "false"}
 
     def seconds() -> float:

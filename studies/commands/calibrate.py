@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-import sys
+import logging
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from designopt.cli.verbosity import is_quiet
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.errors import UserError
+
+LOG = logging.getLogger("designopt.calibrate")
 
 calibrate = typer.Typer(help="Calibrate a lens, or a finger, from pictures.", no_args_is_help=True)
 
@@ -59,8 +62,8 @@ def calibrate_lens(
 
     lines, warnings = calibrate_from(pictures, board, distance, out, force=force)
     for line in warnings:
-        print(f"warning: {line}", file=sys.stderr)
-    print("\n".join(lines))
+        LOG.warning("%s", line)
+    print("\n".join(lines[:1] if is_quiet() else lines))
     return 0
 
 
@@ -155,6 +158,6 @@ def calibrate_finger(
         force=force,
     )
     for line in warnings:
-        print(f"warning: {line}", file=sys.stderr)
-    print("\n".join(lines))
+        LOG.warning("%s", line)
+    print("\n".join(lines[:1] if is_quiet() else lines))
     return 0

@@ -8,8 +8,10 @@ from typing import Annotated
 
 import typer
 
+from designopt.cli.completion import complete_toml
+from designopt.cli.verbosity import is_quiet
 from designopt.compilation_cache import NoCache, keep_programs
-from designopt.io.files import check_new_folder, check_toml
+from designopt.io.files import check_new_folder, check_toml, printable
 
 
 class Light(StrEnum):
@@ -22,7 +24,12 @@ class Light(StrEnum):
 
 def render(
     file: Annotated[
-        Path, typer.Argument(metavar="FINGER.toml|SCENE.toml", help="The finger, or its scene.")
+        Path,
+        typer.Argument(
+            metavar="FINGER.toml|SCENE.toml",
+            help="The finger, or its scene.",
+            autocompletion=complete_toml,
+        ),
     ],
     out: Annotated[
         Path,
@@ -151,5 +158,6 @@ def render(
         width=width,
         seed=seed,
     )
-    print(write_pictures(file, asked, out, force=force))
+    written = write_pictures(file, asked, out, force=force)
+    print(printable(str(out)) if is_quiet() else written)
     return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import time
 from collections import deque
@@ -15,9 +16,11 @@ from typing import NoReturn
 import jax
 import numpy as np
 
+from designopt.cli.verbosity import is_quiet
 from designopt.errors import Interrupted, UserError
 from designopt.io.files import check_new_folder, printable
 from designopt.io.spec_files import FORMAT
+from designopt.progress import step_display
 from designopt.study.result_folders import (
     cannot_write,
     check_replaceable,
@@ -47,6 +50,8 @@ from studies.commands.records import Records, Seen
 from studies.commands.writing import OverlayPictures, OverlayVideo, PadPictures, Writer
 from studies.models.sensor.reading import Reader
 from studies.models.sensor.sensor_folder import read_image_size, read_sensor
+
+LOG = logging.getLogger("designopt.see")
 
 LATEST = 10_000
 """Frames whose latency is kept for the summary."""
@@ -163,7 +168,10 @@ def see_source(name: str, sensor_folder: Path, out: Path, asked: Asked) -> int:
         wait()
         if is_live:
             source = open_source(name, size=size)
-        session = Session(source, reader, out, asked, page)
+        steps = stack.enter_context(step_display())
+        total = len(source.paths) if isinstance(source, PictureFiles) else asked.frames
+        is_done = steps.count(total) if total and not asked.json else lambda: None
+        session = Session(source, reader, out, asked, page, is_done)
         was_interrupted = False
         try:
             try:
@@ -176,7 +184,7 @@ def see_source(name: str, sensor_folder: Path, out: Path, asked: Asked) -> int:
         summary = f"{printable(str(out))}: {session.counts}"
         if was_interrupted and not is_live:
             raise Interrupted(summary)
-        print(summary, file=words, flush=True)
+        print(printable(str(out)) if is_quiet() else summary, file=words, flush=True)
         if page is not None and not is_live:
             page.stay()
     return 0 if session.counts.read else 1
@@ -211,9 +219,16 @@ class Session:
     """
 
     def __init__(
-        self, source: Source, reader: Reader, out: Path, asked: Asked, page: LivePage | None
+        self,
+        source: Source,
+        reader: Reader,
+        out: Path,
+        asked: Asked,
+        page: LivePage | None,
+        is_done: Callable[[], None],
     ) -> None:
         self.counts = Counts()
+        self._is_done = is_done
         self._source, self._reader, self._out = source, reader, out
         self._asked, self._page = asked, page
         self._records: Records | None = None
@@ -243,6 +258,7 @@ class Session:
                         break
                     continue
                 self._take(arrival)
+                self._is_done()
                 if self.counts.read == self._asked.frames:
                     break
         if self._other_size:
@@ -296,7 +312,7 @@ class Session:
     def _note(self, item: LostFrame | Notice) -> str:
         if isinstance(item, LostFrame):
             self.counts.lost += item.count
-        print(printable(str(item)), file=sys.stderr)
+        LOG.warning("%s", item)
         return self._opened().note(item)
 
     def _is_of_other_size(self, item: Item) -> bool:
@@ -330,7 +346,7 @@ class Session:
         light = self._watch.look(frame.image)
         if light.verdict:
             self._light_moved = light.verdict != BACK
-            print(f"{frame.name}: {light.verdict} (its reference is the first)", file=sys.stderr)
+            LOG.warning("%s: %s (its reference is the first)", frame.name, light.verdict)
         return light
 
     def _opened(self) -> Records:

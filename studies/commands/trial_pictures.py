@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -168,7 +168,7 @@ def write_pictures(file: Path, asked: Asked, out: Path, *, force: bool) -> str:
         }
         try:
             with step(f"{len(shots)} pictures"):
-                _write_shots(shots, camera, asked.jpeg, folder)
+                _write_shots(shots, camera, asked.jpeg, folder, step.count(len(shots)))
             if errors is not None:
                 text = json.dumps(errors.table(scene), indent=1, ensure_ascii=False)
                 (folder / "truth.json").write_text(text + "\n", encoding="utf-8")
@@ -342,8 +342,14 @@ def _rows(scene: Scene, asked: int | None) -> int:
     return rows
 
 
-def _write_shots(shots: Sequence[Shot], camera: Renderer, jpeg: int | None, folder: Path) -> None:
-    """Write the pictures and the tables of their poses and contacts."""
+def _write_shots(
+    shots: Sequence[Shot],
+    camera: Renderer,
+    jpeg: int | None,
+    folder: Path,
+    is_done: Callable[[], None],
+) -> None:
+    """Write the pictures and the tables of their poses and contacts; each is reported as done."""
     joints = [f"{joint}_deg" for joint in camera.scene.angle_names]
     frames: list[list[object]] = [["image", *joints]]
     touches: list[list[object]] = [["image", "pad", "along_mm", "across_mm", "diameter_mm"]]
@@ -357,6 +363,7 @@ def _write_shots(shots: Sequence[Shot], camera: Renderer, jpeg: int | None, fold
         (folder / name).write_bytes(encode_picture(picture.pixels, jpeg))
         frames.append([name, *pose.tolist()])
         touches += [[name, *one[:4]] for one in contacts]
+        is_done()
     for name, rows in (("frames.csv", frames), ("contacts.csv", touches)):
         if len(rows) > 1:
             (folder / name).write_text(csv_text(rows), encoding="utf-8", newline="")

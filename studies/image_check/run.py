@@ -106,19 +106,21 @@ def run(spec: ImageCheckSpec, context: Context) -> Results:
     scene = parse_scene(nominal("3 mm, pupil"), "finger")
     deviations = plain(deviations_of(spec.tolerances, scene))
     layers = ""
-    for finger in sorted(fingers(spec, deviations, context.seed), key=lambda one: one.layers):
+    tried = sorted(fingers(spec, deviations, context.seed), key=lambda one: one.layers)
+    for finger in context.each(
+        tried, lambda one: f"Finger {one.number}: {one.light}, layers: {one.layers}"
+    ):
         if finger.layers != layers:
             # Compiled programs of all kinds of layers together exceed what a process may map.
             jax.clear_caches()
             layers = finger.layers
-        with context.step(f"finger {finger.number}: {finger.light}, layers: {finger.layers}"):
-            photos = [
-                photograph(finger.tables, finger.errors, pose_of(angles), capture, number, folder)
-                for number, (angles, capture) in enumerate(
-                    zip(finger.poses, finger.captures, strict=True)
-                )
-            ]
-            found.add(finger, photos, context.seed)
+        photos = [
+            photograph(finger.tables, finger.errors, pose_of(angles), capture, number, folder)
+            for number, (angles, capture) in enumerate(
+                zip(finger.poses, finger.captures, strict=True)
+            )
+        ]
+        found.add(finger, photos, context.seed)
     out = Report(spec, package=__package__)
     add_metrics(out, found)
     add_findings(out, found)

@@ -38,15 +38,25 @@ class BodyTable(Spec):
     """
 
     proximal: StrictLength
+    """Length of the proximal phalanx, mm."""
     intermediate: StrictLength
+    """PIP axis to DIP axis, mm."""
     distal: StrictLength
+    """DIP axis to finger tip, mm."""
     thickness: StrictLength
+    """T, palmar to dorsal face, mm."""
     axis_height: StrictLength
+    """h, palmar face to the axes, mm."""
     range_deg: Annotated[float, Field(strict=True, ge=2, le=100)]
+    """Greatest flexion of both joints, degrees; or a pair of PIP and DIP."""
     rim: Annotated[float, Field(strict=True, ge=0, le=1e3)]
+    """From the outer pads to the ends of the finger, mm."""
     protrusion: Annotated[float, Field(strict=True, ge=0, le=1e2)] = 0.0
+    """Of the membranes out of the palmar face, mm."""
     pad_clearance: Annotated[float, Field(strict=True, ge=0, le=1e2)] = 0.0
+    """Least clearance of neighbouring pads and their layers, mm."""
     dip_range_deg: Annotated[float, Field(strict=True, ge=2, le=100)] | None = None
+    """Greatest flexion of DIP, degrees, if it is not that of PIP."""
 
     @model_validator(mode="before")
     @classmethod

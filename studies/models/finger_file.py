@@ -62,42 +62,59 @@ class FingerTable(Spec):
     """``[finger]``."""
 
     name: Title | None = None
+    """Its name, in titles and file names."""
     format: Format = FORMAT
+    """Version of the file's format."""
 
 
 class PinsTable(Spec):
     """``[pins]``: places in the straight finger, PIP axis at the origin, by paper B's names."""
 
     F: Point
+    """Axis of the crank EF, in the proximal phalanx, mm."""
     E: Point
+    """Crank EF to bar DE, mm."""
     D: Point
+    """Bar DE to plate CD, mm."""
     C: Point
+    """Plate CD to the distal phalanx, mm."""
     G: Point
+    """Bar GG' to the intermediate phalanx, mm."""
     H: Point = Field(alias="G'")
+    """Bar GG' to plate CD, mm."""
     K: Point | None = None
+    """Crank to the coupler of the motor's parallelogram, mm; absent without a motor."""
 
 
 class CouplingPinsTable(Spec):
     """``[pins]`` of a coupled finger; see `CouplingPins`."""
 
     P: Point
+    """Bar to the proximal phalanx, mm."""
     Q: Point
+    """Bar to the distal phalanx, mm."""
     K: Point | None = None
+    """Crank to the coupler of the motor's parallelogram, mm; absent without a motor."""
 
 
 class SpringTable(Spec):
     """``[spring]``; see `FingerSpring`."""
 
     stiffness: Annotated[Number, Field(ge=0)]
+    """Torsion spring between distal phalanx and plate CD, N mm/rad."""
     preload: Number
+    """Angle by which it is wound in the straight finger, rad."""
     servo: Annotated[Number, Field(gt=0)]
+    """Stiffness of the motor's position control, N mm/rad."""
 
 
 class MotorTable(Spec):
     """``[motor]``; see `FingerMotor`."""
 
     behind: Length
+    """Motor's axis M behind the rear end of the proximal phalanx, mm."""
     above: Number
+    """M above the axis of the crank, mm."""
 
 
 class CameraTable(LensTable):
@@ -106,12 +123,19 @@ class CameraTable(LensTable):
     position: Point = (0.0, 0.0)
     direction_deg: Number = 0.0
     phalanx: Phalanx = "intermediate"
+    """The phalanx that carries it."""
     along: Number
+    """Entrance pupil from the phalanx's own joint axis along the finger, mm."""
     depth: Number
+    """Entrance pupil below the dorsal face, mm."""
     tilt_deg: Angle
+    """Optical axis from straight down, positive towards the tip, degrees."""
     width: Length
+    """Of the opaque body along the section, mm."""
     back: Length = 4.0
+    """From the pinhole to the back of the opaque body, mm."""
     min_grazing_deg: Annotated[Number, Field(ge=0, lt=90)]
+    """Least angle between ray and pad for a view to count, degrees."""
 
     @model_validator(mode="before")
     @classmethod
@@ -133,18 +157,27 @@ class LayerTable(Spec):
     """An entry of ``layers`` of ``[pads]``; see `PadLayers`."""
 
     thickness: Length
+    """mm."""
     index: Annotated[Number, Field(ge=1, le=LARGEST_INDEX)]
+    """Index of refraction."""
     reach: tuple[Share, Share] = (0.0, 0.0)
+    """How far the lower and upper edge of its ends at the joints stand beyond the membrane, as a
+    share of what is free."""
     outer_reach: tuple[Share, Share] = (0.0, 0.0)
+    """The same at the outer ends of the finger."""
 
 
 class PadsTable(Spec):
     """``[pads]``; see `PadLayers`."""
 
     ends: Literal["black", "clear"] = "black"
+    """What the end faces of layers are."""
     wall: Annotated[Number, Field(ge=0)] = WALL
+    """Part of the rim that stays free of layers, mm."""
     min_transmission: Annotated[Number, Field(ge=0, lt=1)] = LEAST_TRANSMISSION
+    """Least part of the light that must come through all surfaces."""
     layers: Annotated[list[LayerTable], Field(min_length=1, max_length=MOST_LAYERS)]
+    """From the camera's side to the membrane."""
 
     def made(self) -> PadLayers:
         """The layers."""
@@ -160,29 +193,43 @@ class MirrorTable(Spec):
     """``[[mirrors]]``; see `FingerMirror`."""
 
     phalanx: Phalanx
+    """The phalanx that carries it."""
     start: Point = Field(alias="from")
+    """First end: along from the phalanx's own axis, below the dorsal face, mm."""
     end: Point = Field(alias="to")
+    """Second end, likewise, mm."""
     mount: Annotated[Number, Field(ge=0)] = MOUNT
+    """Thickness of its glass and backing, mm."""
 
 
 class FingerFile(Spec):
     """The whole file of a finger with a six-bar, or without a linkage."""
 
     finger: FingerTable
+    """What the whole is called."""
     body: BodyTable
+    """The three phalanges."""
     pins: PinsTable | None = None
+    """Pins of the straight finger, PIP axis at the origin, x to the tip, y to the back."""
     spring: SpringTable | None = None
+    """Spring and servo."""
     links: LinksTable | None = None
+    """Widths and layers of the links."""
     motor: MotorTable | None = None
+    """The motor's place."""
     camera: CameraTable | None = None
+    """The camera."""
     pads: PadsTable | None = None
+    """Clear layers on all pads."""
     mirrors: tuple[MirrorTable, ...] = ()
+    """Mirrors."""
 
 
 class CoupledFingerFile(FingerFile):
     """That of a coupled finger."""
 
     pins: CouplingPinsTable | None = None  # pyright: ignore[reportIncompatibleVariableOverride]
+    """Pins of the one bar of a coupled finger."""
 
 
 FILES = {"six-bar": FingerFile, "coupled": CoupledFingerFile}
@@ -250,7 +297,7 @@ def packaged_or_designed(
     if spec.model_dump(include=deciding) == type(spec)().model_dump(include=deciding):
         return packaged_finger()
     with step_display() as step:
-        return design(Context(0, "float64", step))
+        return design(Context(0, "float64", step, step.count))
 
 
 def parse_finger(tables: dict[str, Any], source: str, name: str = "finger") -> Finger:

@@ -60,12 +60,13 @@ def run(spec: PhysicalCheckSpec, context: Context) -> Results:
     mitsuba = require_mitsuba("physical-check")
     out, found = Report(spec, package=__package__), Comparison()
     folder, shown = cache_folder(spec.cache, FOLDER), None
-    for case in cases(spec, context.seed):
-        with context.step(f"{case.finger} finger, layers: {case.layers}"):
-            frames = [judge_once(case.tables, pose, folder) for pose in case.poses]
-            scene = parse_scene(case.tables, case.finger)
-            found.compare(case, scene, frames)
-            shown = (case, scene) if case.finger == "designed" else shown
+    for case in context.each(
+        [*cases(spec, context.seed)], lambda case: f"{case.finger} finger, layers: {case.layers}"
+    ):
+        frames = [judge_once(case.tables, pose, folder) for pose in case.poses]
+        scene = parse_scene(case.tables, case.finger)
+        found.compare(case, scene, frames)
+        shown = (case, scene) if case.finger == "designed" else shown
     out.values(variant=mitsuba.variant())
     add_metrics(out, found)
     add_findings(out, found)

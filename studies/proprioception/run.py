@@ -57,18 +57,16 @@ def run(spec: ProprioceptionSpec, context: Context) -> Results:
         for number in range(spec.gap_fingers):
             estimators.estimate_gap_alone(number, spec, seed)
     fingers: list[tuple[FingerFrames, by.FingerEstimates]] = []
-    for number in range(spec.fingers):
-        with context.step(f"Finger {number + 1} of {spec.fingers}"):
-            seen = render_finger(finger, gaps, spec, number, seed)
-            fingers.append((seen, estimators.estimate(seen)))
-    for number in range(min(spec.cost_fingers, spec.fingers)):
-        with context.step(f"Finger {number + 1} with smooth edges"):
-            seen = render_finger(finger, gaps, spec, number, seed, smooth=True)
-            estimators.estimate_smooth(seen)
+    for number in context.each(range(spec.fingers), lambda number: f"Finger {number + 1}"):
+        seen = render_finger(finger, gaps, spec, number, seed)
+        fingers.append((seen, estimators.estimate(seen)))
+    smooth = range(min(spec.cost_fingers, spec.fingers))
+    for number in context.each(smooth, lambda number: f"Finger {number + 1} with smooth edges"):
+        seen = render_finger(finger, gaps, spec, number, seed, smooth=True)
+        estimators.estimate_smooth(seen)
     rows: list[PrecisionRow] = []
-    for size in spec.sizes:
-        with context.step(f"Images {size} px high"):
-            rows += _measure_size(spec, size, seed)
+    for size in context.each(spec.sizes, lambda size: f"Images {size} px high"):
+        rows += _measure_size(spec, size, seed)
     shown = compare_at_sizes(rows, by.LABELLED, by.GAP, AT_SIZE, MORE_TIME)
     claim = out.claim("corners", *shown, more_time=MORE_TIME)
     out.precision(rows, "mean absolute error (°)", "the joint angles that were rendered", claim)

@@ -75,10 +75,10 @@ def run(spec: SurfaceProfileSpec, context: Context) -> Results:
         test = SlidingTest(spec, seed, designed_map(SoftFinger.of(spec), spec))
         slides = [Slide.sample(spec, number, seed) for number in range(len(KINDS) * spec.trials)]
     counts = list(dict.fromkeys([spec.calibration, *spec.calibrations]))
-    for finger in range(min(spec.fingers, spec.trials)):
+    fingers = range(min(spec.fingers, spec.trials))
+    for finger in context.each(fingers, lambda finger: f"Slides of finger {finger + 1}"):
         own = [slide for slide in slides if slide.number // len(KINDS) % spec.fingers == finger]
-        with context.step(f"Finger {finger + 1}: {len(own)} slides"):
-            test.slide(finger, own, spec.severity, counts)
+        test.slide(finger, own, spec.severity, counts)
     frames = sort_rows(summarize_heights(test.heights, "frames"), "frames")
     with context.step(f"{len(spec.severities)} other severities"):
         severities = measure_severities(test, slides[: len(KINDS) * spec.severity_trials])

@@ -70,10 +70,11 @@ def run(spec: TactileImagesSpec, context: Context) -> Results:
     measured, independent = Measured(), Measured()
     conditions = [(gain, spec.severity, i) for gain in spec.gains for i in range(spec.fingers)]
     conditions += [(1.0, severity, 0) for severity in spec.severities if severity != spec.severity]
-    for gain, severity, number in conditions:
-        with context.step(f"Finger {number + 1}, gain {gain:g}, severity {severity:g}"):
-            renderer = finger.made_renderer(Effects.graded(severity, gain), seed, number)
-            measured.measure(finger, renderer, angles, gain=gain, severity=severity)
+    for gain, severity, number in context.each(
+        conditions, lambda one: f"Finger {one[2] + 1}, gain {one[0]:g}, severity {one[1]:g}"
+    ):
+        renderer = finger.made_renderer(Effects.graded(severity, gain), seed, number)
+        measured.measure(finger, renderer, angles, gain=gain, severity=severity)
     with context.step("Effects of independent severities"):
         generator = np.random.default_rng([seed, 7])
         for number in range(spec.independent):
@@ -86,9 +87,8 @@ def run(spec: TactileImagesSpec, context: Context) -> Results:
         with context.step("Corrupted frames"):
             trials = analyze_corrupted(spec, angles, seed)
     rows: list[PrecisionRow] = []
-    for size in spec.sizes:
-        with context.step(f"Images {size} px high"):
-            rows += measure_size(spec, size, seed)
+    for size in context.each(spec.sizes, lambda size: f"Images {size} px high"):
+        rows += measure_size(spec, size, seed)
     claim = out.claim("lines", *compare_at_sizes(rows, OURS, PAPER, AT_SIZE))
     error = "median corner error (px of 1080 rows)"
     out.precision(rows, error, "the corners of the rendered pads' sharp rectangles", claim)

@@ -14,12 +14,16 @@ from typing import NoReturn
 import pytest
 
 from designopt import cli
-from designopt.cli import app
+from designopt.cli import app, studies
 from designopt.errors import Interrupted
 from designopt.study import study as study_module
+from designopt.study.results import Metric, Target
 from tests.commands import check_command_refused, finished, python, refused_cases
 from tests.designopt.plugin import points
 from tests.designopt.tables import cases
+
+STEP = r"Squaring: \d\.\d s\n"
+"""What a command writes to standard error that is no terminal, of the study `square`."""
 
 HEAVY = ("cv2", "equinox", "jax", "matplotlib", "mpmath", "numpy", "optimistix", "scipy")
 
@@ -67,16 +71,31 @@ def test_what_is_listed(square, capsys, line, words):
 def test_run_summarises_and_succeeds(square, capsys):
     assert cli.run(["run", "square", "--set", "side=3", "--seed", "7"]) == 0
     shown = capsys.readouterr()
-    assert "area_mm2" in shown.out
-    assert "report: out/square/report.html" in shown.out
-    assert shown.err == ""  # progress is silent where there is no terminal
+    assert shown.out == (
+        " 1. A <square> & its area.\n1 of 1 targets are met.\nreport: out/square/report.html\n"
+    )
+    assert re.fullmatch(STEP, shown.err)
     assert json.loads((square / "out/square/results.json").read_text())["seed"] == 7
 
 
 def test_a_missed_target_is_exit_code_1_with_its_results_kept(square, capsys):
     assert cli.run(["run", "square", "--set", "side=4", "--out", "o"]) == 1
-    assert capsys.readouterr().err == "targets missed: area_mm2\n"
+    missed = r"targets missed: area: 16 mm², asked for 9 mm²\n"
+    assert re.fullmatch(STEP + missed, capsys.readouterr().err)
     assert (square / "o/report.html").is_file()
+
+
+def test_a_missed_target_that_refers_to_an_earlier_number_names_it():
+    asked = Target("<=", 1.0)
+    metrics = [
+        Metric("median_mm", 0.5, "mm", "median error", None, asked),
+        Metric("p95_mm", 2.0, "mm", "95th percentile of the same", None, asked),
+        Metric("share", float("nan"), "", "share", None, asked),
+    ]
+    assert [*studies._missed_in_words(metrics)] == [
+        "95th percentile of the same (median error): 2 mm, asked for ≤ 1 mm",
+        "share: not found, asked for ≤ 1",
+    ]
 
 
 @pytest.mark.parametrize(("line", "words"), refused_cases("run"))
@@ -90,7 +109,8 @@ def test_faults_are_one_line_and_exit_code_2(square, capsys, line, words):
 
 def test_an_interrupted_run_says_so(square, capsys):
     assert cli.run(["run", "square", "--set", "side=1", "--set", "label=interrupt"]) == 130
-    assert capsys.readouterr().err == "interrupted; no file is half-written\n"
+    interrupted = r"interrupted; no file is half-written\n"
+    assert re.fullmatch(STEP + interrupted, capsys.readouterr().err)
     assert list(square.rglob("*.json")) == []
 
 

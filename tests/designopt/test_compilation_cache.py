@@ -264,16 +264,16 @@ def open_to_others(place):
     ],
 )
 def test_a_folder_that_cannot_be_used_is_one_line_where_it_was_named(
-    monkeypatch, tmp_path, capsys, harm, words
+    monkeypatch, tmp_path, caplog, harm, words
 ):
     place = tmp_path / ".cache" / "designopt" / "programs"
     place.parent.mkdir(parents=True)
     harm(place)
     assert used() is None
-    assert capsys.readouterr() == ("", "")
+    assert caplog.messages == []
     monkeypatch.setenv(VARIABLE, str(place))
     assert used() is None
-    assert capsys.readouterr() == ("", f"warning: {VARIABLE}={place}: not used: {words}\n")
+    assert caplog.messages == [f"{VARIABLE}={place}: not used: {words}"]
 
 
 @pytest.mark.usefixtures("unset")

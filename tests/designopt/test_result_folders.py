@@ -127,7 +127,7 @@ def test_a_result_of_an_older_version_is_what_it_names(out):
     assert number_of(out) == 2
 
 
-def test_a_file_put_there_at_the_last_moment_is_set_aside(tmp_path, out, monkeypatch, capsys):
+def test_a_file_put_there_at_the_last_moment_is_set_aside(tmp_path, out, monkeypatch, caplog):
     exchange = staging._exchange
 
     def late(new, place):
@@ -139,7 +139,7 @@ def test_a_file_put_there_at_the_last_moment_is_set_aside(tmp_path, out, monkeyp
     write(out, 2)
     assert number_of(out) == 2
     assert (tmp_path / "out-replaced-1" / "specs" / "mine.toml").read_text() == "mine"
-    assert f"what is left of it is in {tmp_path / 'out-replaced-1'}" in capsys.readouterr().err
+    assert f"what is left of it is in {tmp_path / 'out-replaced-1'}" in caplog.text
 
 
 def test_a_result_made_meanwhile_is_replaced_by_force_alone(tmp_path):

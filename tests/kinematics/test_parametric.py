@@ -30,9 +30,14 @@ from tests.kinematics.gallery import (
     transmission_of,
 )
 
-NAMES = ("bodies.crank.O2-A", "bodies.coupler.A-B", "bodies.rocker.O4-B", "bodies.ground.O2-O4")
+NAMES: tuple[str, ...] = (
+    "bodies.crank.O2-A",
+    "bodies.coupler.A-B",
+    "bodies.rocker.O4-B",
+    "bodies.ground.O2-O4",
+)
 LENGTHS = 40.0, 120.0, 80.0, 100.0
-SHORT = dict(zip(NAMES, (40.0, 100.0, 90.0, 170.0), strict=True))
+SHORT: dict[str, float] = dict(zip(NAMES, (40.0, 100.0, 90.0, 170.0), strict=True))
 """A four-bar whose crank locks."""
 
 
@@ -172,9 +177,7 @@ def test_a_given_range_is_asked_for_from_end_to_end():
 
 
 def test_ranges_that_are_none_are_refused():
-    with pytest.raises(
-        UserError, match="--over handle: linkage has no such input"
-    ):
+    with pytest.raises(UserError, match="--over handle: linkage has no such input"):
         made(four_bar(*LENGTHS), handle=(0.0, 1.0))
     with pytest.raises(UserError, match="--over crank=90:0: give a range, low < high"):
         made(four_bar(*LENGTHS), crank=(90.0, 0.0))

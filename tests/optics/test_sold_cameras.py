@@ -528,17 +528,18 @@ def test_blur_in_poses_is_told_of_the_worst(tmp_path, capsys):
     assert "at 3 of 3 poses; worst at a = " in line
 
 
-def test_a_sold_lens_has_no_knob_for_its_field_of_view():
-    from optics.explore.scene_knobs import ParameterMap
+def test_the_field_of_view_of_a_sold_lens_is_no_parameter():
+    from optics.parametric.scene import SceneParameters
     from optics.scene.file import SceneFile
 
     keys = {"focal_length": 2.0, "projection": "equisolid", "lens": LENS, "module": MODULE}
     data = sold(**keys)
     design = DesignedScene.of(SceneFile.model_validate(data), "sold")
-    knobs = ParameterMap.of(design)
-    assert "field of view" not in [knob.name for knob in knobs.knobs]
-    values = {knob.name: knob.value for knob in knobs.knobs}
-    scene = parse_scene(tomllib.loads(knobs.text(values | {"camera x": -1.0})), "sold")
+    parameters = SceneParameters(design)
+    values = parameters.values()
+    assert "camera.field_of_view" not in values
+    (file,) = parameters.files(values | {"camera.position.x": -1.0})
+    scene = parse_scene(tomllib.loads(str(file.content)), "sold")
     # With the camera goes its module.
     np.testing.assert_allclose(ends_of(scene), ends_of(design.scene) - 1, atol=1e-12)
     assert_same(scene.camera.sensor, design.scene.camera.sensor, 0, 0)

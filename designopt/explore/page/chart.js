@@ -1,6 +1,6 @@
 // Curves over one axis, with ticks, units, and a legend above them.
 
-import { find, html, numberText, svg } from './elements.js';
+import { find, html, numberText, svg, tell } from './elements.js';
 
 const KINDS = 6; // of curves that can be told apart by their dashes
 const BELOW = 44; // pixels for numbers and name of the x axis
@@ -99,11 +99,8 @@ export class Chart {
     const at = left + ((event.clientX - box.left - margin) / width) * (right - left);
     const lines = this.series.map((one) => [one[0], valueAt(one, at)])
       .filter(([, value]) => value !== null).map(([name, value]) => `${name}: ${short(value)}`);
-    const tip = find('tip');
-    tip.textContent = [`${this.x_label}: ${short(at)}`, ...lines].join('\n');
-    tip.hidden = !lines.length || at < left || at > right;
-    tip.style.left = `${Math.min(event.clientX + 14, innerWidth - tip.offsetWidth - 8)}px`;
-    tip.style.top = `${Math.max(event.clientY - tip.offsetHeight - 10, 4)}px`;
+    const inside = lines.length && at >= left && at <= right;
+    tell(event, inside ? [`${this.x_label}: ${short(at)}`, ...lines].join('\n') : '');
   }
 }
 

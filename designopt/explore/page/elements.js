@@ -27,3 +27,12 @@ export const button = (text, label, action) => {
 export const numberText = (value) => String(Number(value.toPrecision(6)));
 
 export const withUnit = (text, unit) => (unit ? `${text} ${unit}` : text);
+
+// Show a text beside the pointer; an empty one hides what was there.
+export function tell(event, text) {
+  const tip = find('tip');
+  tip.textContent = text;
+  tip.hidden = !text;
+  tip.style.left = `${Math.max(Math.min(event.clientX + 14, innerWidth - tip.offsetWidth - 8), 4)}px`;
+  tip.style.top = `${Math.max(event.clientY - tip.offsetHeight - 10, 4)}px`;
+}

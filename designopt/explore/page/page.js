@@ -51,7 +51,10 @@ const RENDERERS = {
   measures: showMeasures,
   measured: showMeasured,
   requirements: showRequirements,
-  judging: () => { find('judging').textContent = model.judging ? '– computing' : ''; },
+  judging: () => {
+    find('judging').textContent = model.judging ? '– computing' : '';
+    showMeasured();
+  },
   step: () => { find('step').textContent = model.step; },
   report: () => {
     find('report').replaceChildren(...model.report.map((line) => html('li', {}, line)));
@@ -150,7 +153,7 @@ function showMeasures() {
 
 function showMeasured() {
   const value = model.measured[find('measure').value];
-  find('measured').textContent = value ? `Now: ${value}` : '';
+  find('measured').textContent = `Now: ${model.judging ? 'computing' : value ?? '–'}`;
 }
 
 find('measure').addEventListener('change', showMeasured);

@@ -1,14 +1,16 @@
 // A drawing to scale: shapes as SVG, or on a canvas where there are many; pan, zoom, hover, drag.
 
-import { button, find, html, numberText, svg } from './elements.js';
+import { button, find, html, numberText, svg, tell } from './elements.js';
 
 const MOST_ELEMENTS = 2000; // shapes; more are drawn on a canvas
-const PAPER = 4.2; // pixels of the screen for a millimetre of line width on paper
+const PAPER = 5.5; // pixels of the screen for a millimetre of line width on paper
 const ROOM = 26; // pixels around what is fitted
 const NEAR = 7; // pixels from a line at which it is hovered
 const STEP = 1.25;
 const WIDTH_OF_LETTER = 7.5; // pixels, of labels
-const AROUND = [[9, -9], [-9, -9], [9, 17], [-9, 17], [13, 4], [-13, 4], [0, -13], [0, 22]];
+const AROUND = [
+  [9, -9], [-9, -9], [9, 17], [-9, 17], [13, 4], [-13, 4], [0, -13], [0, 22], [9, -24], [-9, -24], [9, 32], [-9, 32],
+];
 
 export class View {
   constructor(name, link) {
@@ -61,7 +63,7 @@ export class View {
     if (this.isNew) this.build();
     else if (!this.canvas) for (const index of this.dirty) this.place(index);
     this.dirty.clear();
-    if (this.fitted) this.follow();
+    if (this.fitted && !this.grabbed) this.follow();
     this.draw();
     clearTimeout(this.resting);
     this.resting = setTimeout(() => this.showParts(), 500);
@@ -101,15 +103,20 @@ export class View {
     else ['cx', 'cy', 'r'].forEach((name, number) => element.setAttribute(name, circle[number]));
   }
 
-  // Fit what has been seen so far, so that the picture rests while a design moves.
+  // Fit what has been seen so far when something leaves the stage: else the picture rests.
   follow() {
     if (!this.box) return;
     const [left, top, right, bottom] = this.box;
+    const { clientWidth: width, clientHeight: height } = this.stage;
+    if (this.seen && this.fittedTo === width * 1e5 + height) {
+      const [[x, y], [xEnd, yEnd]] = [this.onScreen(left, top), this.onScreen(right, bottom)];
+      if (x >= 0 && y >= 0 && xEnd <= width && yEnd <= height) return;
+    }
+    this.fittedTo = width * 1e5 + height;
     const seen = this.seen ?? this.box;
     this.seen = [
       Math.min(seen[0], left), Math.min(seen[1], top), Math.max(seen[2], right), Math.max(seen[3], bottom),
     ];
-    const { clientWidth: width, clientHeight: height } = this.stage;
     const [across, down] = [this.seen[2] - this.seen[0], this.seen[3] - this.seen[1]];
     this.scale = Math.min((width - 2 * ROOM) / (across || 1), (height - 2 * ROOM) / (down || 1));
     this.x = (width - this.scale * (this.seen[0] + this.seen[2])) / 2;
@@ -206,9 +213,9 @@ export class View {
         const left = across + right - (right < 0 ? width : right ? 0 : width / 2);
         return [left, down + low - 11, left + width, down + low + 2];
       });
-      const overlap = (box) => taken.filter((one) => box[0] < one[2] && one[0] < box[2] && box[1] < one[3] && one[1] < box[3]).length;
-      const counts = boxes.map(overlap);
-      const box = boxes[counts.indexOf(Math.min(...counts))];
+      const faults = boxes.map((box) => (box[0] < 0 || box[2] > this.stage.clientWidth ? 3 : 0) + taken.filter(
+        (one) => box[0] < one[2] && one[0] < box[2] && box[1] < one[3] && one[1] < box[3]).length);
+      const box = boxes[faults.indexOf(Math.min(...faults))];
       taken.push(box);
       return svg('text', { class: 'label', x: box[0], y: box[3] - 2 }, text);
     });
@@ -246,7 +253,7 @@ export class View {
       const grabbed = event.target.handle;
       if (grabbed && this.pointers.size === 1) {
         const locked = this.lockedOf(grabbed.parameters);
-        if (locked.length) this.tell(event, `${grabbed.name} stays where it is: ${this.labelsOf(locked)} locked`);
+        if (locked.length) tell(event, `${grabbed.name} stays where it is: ${this.labelsOf(locked)} locked`);
         else this.grabbed = grabbed.name;
         this.held = true;
         this.link.newGesture();
@@ -299,21 +306,13 @@ export class View {
     return `${found.map(({ label }) => label).join(' and ')} ${found.length > 1 ? 'are' : 'is'}`;
   }
 
-  tell(event, text) {
-    const tip = find('tip');
-    tip.textContent = text;
-    tip.hidden = !text;
-    tip.style.left = `${Math.max(Math.min(event.clientX + 14, innerWidth - tip.offsetWidth - 8), 4)}px`;
-    tip.style.top = `${Math.max(event.clientY - tip.offsetHeight - 10, 4)}px`;
-  }
-
   // Name the part under the pointer, with its numbers.
   hover(event, x, y) {
     if (this.scale === undefined || event.target.closest('details')) return;
     const grip = event.target.handle;
     if (grip) {
       const locked = this.lockedOf(grip.parameters);
-      this.tell(event, locked.length ? `${grip.name} stays where it is: ${this.labelsOf(locked)} locked` : `drag ${grip.name}`);
+      tell(event, locked.length ? `${grip.name} stays where it is: ${this.labelsOf(locked)} locked` : `drag ${grip.name}`);
       return;
     }
     const place = this.inWorld(x, y);
@@ -322,7 +321,7 @@ export class View {
     const shape = backwards.find((one) => one.circle && this.hit.isPointInPath(pathOf(one), ...place))
       ?? backwards.find((one) => this.hit.isPointInStroke(pathOf(one), ...place))
       ?? backwards.find((one) => one.d?.endsWith('Z') && this.hit.isPointInPath(pathOf(one), ...place));
-    this.tell(event, shape ? this.words(shape) : '');
+    tell(event, shape ? this.words(shape) : '');
   }
 
   // A part's name, its numbers and, of a line, its length.

@@ -59,8 +59,8 @@ FIRST_CALLS = {"four-bar": ("0, 360", 1.5), "finger": ("0, -90", 3.0)}
 def run(spec: LinkagePrecisionSpec, context: Context) -> Results:
     """Time and check every method on one core, and compare their run times."""
     out, rows = Report(spec, package=__package__), Records()
-    for work in workloads(spec):
-        with context.step(work.panel), jax.enable_x64(work.dtype == "float64"):
+    for work in context.each(workloads(spec), lambda work: work.panel):
+        with jax.enable_x64(work.dtype == "float64"):
             entered = by.methods(work, peers=spec.peers, optimistix=spec.optimistix)
             asked = "gradient" if work.gradient else "poses"
             columns = {"linkage": work.case.name, "poses": work.poses, "dtype": work.dtype}

@@ -50,10 +50,9 @@ def run(spec: VisibilityPrecisionSpec, context: Context) -> Results:
     out.values(tracer_rays=tracers.RAYS)
     with jax.enable_x64(True):
         works = workloads(spec)
-        for work in works:
-            with context.step(work.panel):
-                entered = by.methods(work, spec.samples, edge_refined=spec.edge_refined)
-                rows.add(**measure(entered, spec.repeats))
+        for work in context.each(works, lambda work: work.panel):
+            entered = by.methods(work, spec.samples, edge_refined=spec.edge_refined)
+            rows.add(**measure(entered, spec.repeats))
         with context.step("Reference in 50 digits"):
             scene, [pose] = works[0].scene, works[0].poses
             fan_error = by.coverage_error(works[0])(exact.coverage(scene, pose))

@@ -167,6 +167,7 @@ def find_points(
     }
     found: dict[tuple[int, ...], Point | None] = {}
     begun: dict[tuple[int, ...], Point] = {}
+    is_done = designer.context.count(len(places))
     # From the finger as it is outwards, so that a neighbour on the way is there already.
     for place in sorted(places, key=lambda place: (float(np.sum(np.abs(scaled[place]))), place)):
         forget_programs_if_many()
@@ -183,6 +184,7 @@ def find_points(
         start = begun[place] = min(near, key=lambda one: one[1])[0]
         with designer.context.step(f"Point {len(found) + 1} of {len(places)}"):
             found[place] = None if changed is None else designed_near(changed, start, designer)
+        is_done()
     _retry(found, begun, spec.objectives, designer)
     named = [
         {axes[i][at].setting: axes[i][at].value for i, at in enumerate(place)} for place in places

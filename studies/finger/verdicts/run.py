@@ -100,11 +100,13 @@ def run(spec: FingerVerdictsSpec, context: Context) -> Results:
     out, rows, changes = Report(spec, package=__package__), Records(), Records()
     unmet: list[Unmet] = []
     # One after the other those of as many mirrors, for they share compiled programs.
-    fingers = enumerate(draw(spec.fingers, context.seed))
+    fingers = [*enumerate(draw(spec.fingers, context.seed))]
+    is_done = context.count(len(fingers))
     for number, drawn in sorted(fingers, key=lambda one: one[1].numbers["mirrors"]):
         row: dict[str, Any] = {"finger": number} | drawn.numbers
         if drawn.spec is None:
             rows.add(**row, verdict="refused", missed=drawn.refusal, **columns())
+            is_done()
             continue
         forget_programs_if_many()
         with context.step(f"Finger {number}"):
@@ -118,16 +120,16 @@ def run(spec: FingerVerdictsSpec, context: Context) -> Results:
         rows.add(**row, verdict=verdict, missed="; ".join(missed), **columns(*judged))
         if missed:
             unmet.append(Unmet(number, missed, drawn.spec, designer))
+        is_done()
     out.table("fingers", rows)
     least = sorted(unmet, key=lambda one: len(one.missed))[: spec.advised]
-    for one in least:
-        with context.step(f"Advice for finger {one.number}"):
-            for change in advise(one.spec, one.designer):
-                then = with_value(one.spec, change.setting, change.needed)
-                assert then is not None  # as it was designed
-                designed = one.designer.with_own_linkages().finger(then)
-                judged = judge(then, designed, spec, context.seed)
-                changes.add(finger=one.number, **change.row, **columns(*judged))
+    for one in context.each(least, lambda one: f"Advice for finger {one.number}"):
+        for change in advise(one.spec, one.designer):
+            then = with_value(one.spec, change.setting, change.needed)
+            assert then is not None  # as it was designed
+            designed = one.designer.with_own_linkages().finger(then)
+            judged = judge(then, designed, spec, context.seed)
+            changes.add(finger=one.number, **change.row, **columns(*judged))
     if len(changes):
         out.table("changes", changes)
     infeasible = int(np.sum(rows["verdict"] != "met"))

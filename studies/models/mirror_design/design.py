@@ -200,10 +200,14 @@ def design_mirrors(
         starts = first_placements(finger, spec, context.seed)
     thickness = float(finger.body.thickness)
 
+    is_done = context.count(len(starts))
+
     def tried(number: int) -> tuple[Trial, Verdict]:
         with context.step(f"T = {thickness:g} mm: start {number + 1} of {len(starts)}"):
             trial = search(starts[number], limits, tasks)
-            return trial, judged(put_in(trial.placement, poor), everywhere=False)
+            verdict = judged(put_in(trial.placement, poor), everywhere=False)
+        is_done()
+        return trial, verdict
 
     # The first alone, for it compiles.
     others = [partial(tried, number) for number in range(1, len(starts))]

@@ -21,9 +21,13 @@ class LampTable(Spec):
     """
 
     beside: Literal["from", "to", "left", "right"]
+    """The edge of the unwarped pad beside which it lies."""
     gap: Annotated[Number, pydantic.Field(ge=0)] = 0.0
+    """From the pad's edge, mm."""
     low: Annotated[Number, pydantic.Field(ge=0)] = 0.0
+    """Height of its lower edge above the membrane, mm."""
     high: Annotated[Number, pydantic.Field(gt=0)]
+    """Height of its upper edge above the membrane, mm."""
 
     @pydantic.model_validator(mode="after")
     def _has_a_height(self) -> LampTable:
@@ -50,8 +54,11 @@ class LightTable(Spec):
     """``[light]``: the lamp of each color; without any, light comes evenly from all sides."""
 
     red: LampTable | None = None
+    """Lamp of the red light."""
     green: LampTable | None = None
+    """Lamp of the green light."""
     blue: LampTable | None = None
+    """Lamp of the blue light."""
 
     def lamps(self, length: float, width: float) -> list[Lamp | None]:
         """Those of a pad of a size, mm: red, green and blue; none in even light."""
@@ -69,6 +76,7 @@ class LightFile(Spec):
     """The whole file that ``--light`` names."""
 
     light: LightTable
+    """How every pad is lit."""
 
 
 def read_light(given: str) -> LightTable:

@@ -50,19 +50,28 @@ class SensorTable(Spec):
     """``[sensor]``."""
 
     name: Title = "sensor"
+    """Of the sensor."""
     format: Format = FORMAT
+    """Version of the file's format."""
     width: Length
+    """Of the pads across the section, mm."""
     gamma: Annotated[Number, pydantic.Field(gt=0.2, lt=5)]
+    """Of the camera's response: codes are light^(1/gamma)."""
     scatter: Annotated[Number, pydantic.Field(ge=0)]
+    """Of the calibration frames, in units of the deviations that were stated."""
 
 
 class SensorFile(Spec):
     """The whole file but for the scene's tables, which `optics.parse_scene` reads."""
 
     sensor: SensorTable
+    """Of the whole."""
     lens: LensTable
+    """The camera's lens, as in a lens file."""
     tolerances: MadeSpec
+    """Standard deviations of errors of fabrication."""
     light: LightTable | None = None
+    """How the pads are lit; contacts are looked for only with it."""
 
 
 @dataclass(frozen=True)

@@ -80,17 +80,19 @@ def run(spec: ContactCheckSpec, context: Context) -> Results:
     scene = parse_scene(nominal("3 mm, pupil"), "finger")
     deviations = plain(deviations_of(spec.tolerances, scene))
     contacts, untouched, pairs = Records(), Records(), Records()
-    for finger in fingers(spec, deviations, context.seed):
-        with context.step(f"finger {finger.number}: {finger.light}, layers: {finger.layers}"):
-            photos = [
-                photograph(finger.tables, finger.errors, pose_of(angles), capture, number, folder)
-                for number, (angles, capture) in enumerate(
-                    zip(finger.poses, finger.captures, strict=True)
-                )
-            ]
-            add_finger(spec, finger, [one.pixels for one in photos], contacts, untouched)
-            # Compiled programs of all kinds of layers together exceed what a process may map.
-            jax.clear_caches()
+    tried = [*fingers(spec, deviations, context.seed)]
+    for finger in context.each(
+        tried, lambda one: f"Finger {one.number}: {one.light}, layers: {one.layers}"
+    ):
+        photos = [
+            photograph(finger.tables, finger.errors, pose_of(angles), capture, number, folder)
+            for number, (angles, capture) in enumerate(
+                zip(finger.poses, finger.captures, strict=True)
+            )
+        ]
+        add_finger(spec, finger, [one.pixels for one in photos], contacts, untouched)
+        # Compiled programs of all kinds of layers together exceed what a process may map.
+        jax.clear_caches()
     with context.step("Rendered pairs of untouched pads"):
         add_pairs(spec, context.seed, pairs)
     return report(spec, contacts, untouched, pairs)

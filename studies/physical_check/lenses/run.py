@@ -56,10 +56,9 @@ def run(spec: LensCheckSpec, context: Context) -> Results:
     folder = cache_folder(spec.cache, FOLDER)
     out = Report(spec, package=__package__)
     sets, corners, errors = Records(), Records(), Records()
-    for number in range(spec.sets):
-        with context.step(f"Lens {number + 1}"):
-            _add_set(pictured(spec, context.seed, number, folder), sets, corners, errors)
-            forget_programs_if_many()
+    for number in context.each(range(spec.sets), lambda number: f"Lens {number + 1}"):
+        _add_set(pictured(spec, context.seed, number, folder), sets, corners, errors)
+        forget_programs_if_many()
     add_metrics(out, sets, corners, errors)
     add_findings(out, sets)
     add_tables(out, sets, corners, errors)

@@ -1,14 +1,12 @@
 """A study, a kind of design and a template offered by a package outside the project."""
 
 import json
-from typing import Any
 
-import matplotlib.figure
 import pytest
 
 from designopt import cli
 from designopt.designs import load_design
-from designopt.plot.figures import style
+from designopt.explore.explorer import View
 
 MODULE = """
 from dataclasses import dataclass
@@ -18,11 +16,12 @@ from pydantic import Field
 
 from designopt import Metric, Results, Spec, Study
 from designopt.design_kind import Design, DesignKind
-from designopt.explore.bench import Bench, Knob, Reading, Shown
+from designopt.explore.explorer import Explorer, ExplorerState, Readout, View
 from designopt.export.json import Quantity
 from designopt.export.drawing import Drawing, Layer, Polyline
 from designopt.file_template import FileTemplate
 from designopt.io.files import read_toml
+from designopt.optimize.parametric import Measure, Parameter, ParametricDesign
 
 
 @dataclass(frozen=True)
@@ -31,25 +30,39 @@ class Crate:
     side: float
 
 
-class CrateBench(Bench):
-    aim = ""
+class CrateDesign(ParametricDesign):
+    measures = (Measure("area", "mm²", "area"),)
+    requirements = ()
 
     def __init__(self, crate):
         self.title = crate.name
-        self.knobs = (Knob("side", crate.side, 1.0, 9.0, "mm", "dimension"),)
+        self.parameters = (Parameter("side", crate.side, 1.0, 9.0),)
 
-    def draw(self, area):
-        self.axes = area.subplots()
+    def evaluate(self, values, of):
+        return {"area": values[0] ** 2}
 
-    def show(self, values):
-        (line,) = self.axes.plot([0, values["side"]], [0, 0])
-        return Shown([Reading("area", values["side"] ** 2, "mm²")], [line])
+    def judge(self, values):
+        return {"area": values["side"] ** 2}
 
-    def specs(self, values):
+    def files(self, values):
         return []
 
-    def optimise(self, values):
-        return iter(())
+
+class CrateExplorer(Explorer):
+    joints = ()
+
+    def __init__(self, crate):
+        self.design = CrateDesign(crate)
+
+    def sketch(self):
+        return [View("crate", drawing(Crate(self.design.title, self.values()["side"])))]
+
+    def show(self, values):
+        view = View("crate", drawing(Crate(self.design.title, values["side"])))
+        return ExplorerState([Readout("area", values["side"] ** 2, "mm²")], [view])
+
+    def drag(self, values, handle, place):
+        return dict(values)
 
 
 def read(path):
@@ -63,7 +76,7 @@ def drawing(crate):
 
 
 KIND = DesignKind(
-    "crate", "crate", read, CrateBench, drawing, lambda c: [Quantity("side", c.side, "mm")]
+    "crate", "crate", read, CrateExplorer, drawing, lambda c: [Quantity("side", c.side, "mm")]
 )
 
 
@@ -140,9 +153,10 @@ def test_files_to_begin_with_are_written_and_taken(work, capsys):
 
 
 def test_its_explorer_shows_it(work):
-    bench = load_design("box.toml").explorer()
-    with style():
-        area: Any = matplotlib.figure.Figure().subfigures(1, 1)
-        bench.draw(area)
-    assert bench.title == "box"
-    assert [(one.name, one.value) for one in bench.show({"side": 4.0}).readings] == [("area", 16.0)]
+    explorer = load_design("box.toml").explorer()
+    assert explorer.design.title == "box"
+    state = explorer.show({"side": 4.0})
+    assert [(one.name, one.value) for one in state.readouts] == [("area", 16.0)]
+    [view] = state.panels
+    assert isinstance(view, View)
+    assert view.drawing.box() == ((0, 0), (4.0, 4.0))

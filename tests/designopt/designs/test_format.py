@@ -9,7 +9,7 @@ from designopt.designs import load_design
 from kinematics import format_linkage, read_linkage
 from optics import format_chamber, format_scene, read_scene
 from studies.models import format_finger, packaged_finger
-from tests.optics.test_chamber_bench import PAPER
+from tests.optics.chambers import PAPER
 
 STUDIES = Path(__file__).parents[3] / "studies"
 

@@ -132,7 +132,10 @@ class SliderCrank(Explorer):
             Series("crank", swept, [values["radius"] * math.cos(math.radians(a)) for a in swept]),
         ]
         return ExplorerState(
-            [Readout("slider's place", x, "mm"), Readout("rod to crank", values["rod"] / values["radius"])],
+            [
+                Readout("slider's place", x, "mm"),
+                Readout("rod to crank", values["rod"] / values["radius"]),
+            ],
             [self.view(values), Chart("motion", "crank (°)", "x (mm)", series, values["crank"])],
             "" if x is not None else LOCKED,
         )

@@ -16,10 +16,10 @@ TABLE = "result/tables/points.csv"
 
 
 def test_failed_points_are_listed_and_stop_nothing(installed, capsys):
-    sweep = ["sweep", "batched", "--vary", "x=-1,0,2,1000", "--workers", "1", "--out", "o"]
+    sweep = ["sweep", "batched", "--vary", "x=-1,0,2,1000", "--workers", "1", "--out", "o", "-q"]
     assert cli.run(sweep) == 1
     shown = capsys.readouterr()
-    assert shown.out == "report: o/result/report.html\n"
+    assert shown.out == "o/result/report.html\n"
     told = shown.err.splitlines()
     assert told[0] == "failed: 3 of 4 points"
     assert told[1] == "  x=-1.0: x: a length is not negative; make it larger"
@@ -93,7 +93,7 @@ def test_an_address_that_is_none_leaves_nothing_behind(tmp_path):
 def test_a_point_that_ends_every_worker_costs_no_other_of_its_batch(installed, capsys, monkeypatch):
     monkeypatch.setattr("designopt.sweep.workers.MOST_LOSSES", 1)
     sweep = ["sweep", "batched", "--vary", "x=1:17:17", "--set", "fatal=2", "--workers", "1"]
-    assert cli.run([*sweep, "--out", "o"]) == 1  # two points in a batch
+    assert cli.run([*sweep, "--out", "o", "-q"]) == 1  # two points in a batch
     told = capsys.readouterr().err.splitlines()
     assert told[0] == "failed: 1 of 17 points"
     assert told[1].startswith("  x=2.0: its worker was lost again and again")

@@ -17,7 +17,7 @@ from designopt.sweep.cluster import run_on_cluster
 from designopt.sweep.evaluating import Task
 from tests.designopt.sweep.clusters import kill_a_worker, two_workers
 
-SWEEP = ["sweep", "swept", "--vary", "x=1:2:6", "--set", "wait=0.25"]
+SWEEP = ["sweep", "swept", "--vary", "x=1:2:6", "--set", "wait=0.25", "-q"]
 
 
 def tasks(count, *settings):
@@ -120,11 +120,11 @@ def scheduler():
         process.kill()
 
 
-def test_a_scheduler_that_is_lost_is_one_line(scheduler, capsys):
+def test_a_scheduler_that_is_lost_is_one_line(scheduler, caplog):
     process, address = scheduler
     lose = threading.Timer(1.0, process.kill)
     lose.start()
     with pytest.raises(UserError, match=f"--scheduler {address}: the scheduler was lost"):
         next(run_on_cluster(tasks(3), address))
     lose.join()
-    assert "no workers; waiting" in capsys.readouterr().err
+    assert "no workers; waiting" in caplog.text

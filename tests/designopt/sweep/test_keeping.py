@@ -99,21 +99,21 @@ def altered(text):
 
 
 @pytest.mark.parametrize("change", [lambda _: "{", lambda _: "[]", lambda _: "{}", altered])
-def test_a_damaged_or_altered_point_is_evaluated_anew_with_a_message(tmp_path, capsys, change):
+def test_a_damaged_or_altered_point_is_evaluated_anew_with_a_message(tmp_path, caplog, change):
     folder, (own, _) = kept_at(tmp_path, 5, 6)
     own.write_text(change(own.read_text()))
     assert list(folder.outcomes(ASKED)) == [6]
     words = "points/000005.json: not a point of this sweep as it was written"
-    assert words in capsys.readouterr().err
+    assert words in caplog.text
 
 
-def test_points_whose_files_were_swapped_are_evaluated_anew(tmp_path, capsys):
+def test_points_whose_files_were_swapped_are_evaluated_anew(tmp_path, caplog):
     folder, (one, other) = kept_at(tmp_path, 5, 6)
     texts = one.read_text(), other.read_text()
     other.write_text(texts[0])
     one.write_text(texts[1])
     assert folder.outcomes(ASKED) == {}
-    assert "points/000005.json and 1 more: not a point" in capsys.readouterr().err
+    assert "points/000005.json and 1 more: not a point" in caplog.text
 
 
 def test_points_of_other_settings_are_evaluated_anew(tmp_path):

@@ -39,12 +39,12 @@ GRID = grid_points(SweptSpec, ["x=1:2:2", "wait=0,5"])
 
 def test_tables():
     tables = {table.name: table for table in results(*swept(GRID, 4.0, None, -1.0, 4.0)).tables}
-    assert tables["points"].columns == ["point", "x", "wait", "area", "none"]
+    assert tables["points"].columns == ["point", "x", "wait", "area"]
     assert tables["points"].rows == [
-        (0, 1.0, 0.0, 4.0, None),
-        (1, 1.0, 5.0, None, None),
-        (2, 2.0, 0.0, -1.0, None),
-        (3, 2.0, 5.0, 4.0, None),
+        (0, 1.0, 0.0, 4.0),
+        (1, 1.0, 5.0, None),
+        (2, 2.0, 0.0, -1.0),
+        (3, 2.0, 5.0, 4.0),
     ]
     assert tables["failed"].rows == [(1, 1.0, 5.0, "no area")]
     assert tables["extremes"].rows == [("area", "mm", -1.0, 2, 4.0, 0)]
@@ -60,6 +60,25 @@ def test_metrics_that_are_run_times_are_in_the_table_of_run_times_alone():
     assert [row[0] for row in tables["extremes"].rows] == ["area"]
     assert tables["run_times"].columns == ["point", "x", "seconds", "search_seconds"]
     assert tables["run_times"].rows == [(0, 1.0, 2.0, 0.25), (1, 2.0, 0.0, None)]
+
+
+def test_metrics_that_do_not_vary_are_one_sentence():
+    points = grid_points(SweptSpec, ["x=1,2,3"])
+
+    def outcome(area):
+        found_there = [metric("area", area), metric("gap", 0.25), Metric("bounces", 2, "", "")]
+        return found([*found_there, metric("none", math.nan)], 2.0, "cpu")
+
+    swept_all = results(points, [outcome(1.0), failed("no", final=True), outcome(2.0)])
+    assert swept_all.findings[1] == (
+        "The same at every point that has an answer: gap in words, 0.25 mm; bounces, 2; "
+        "none in words, none."
+    )
+    tables = {table.name: table for table in swept_all.tables}
+    assert tables["points"].columns == ["point", "x", "area"]
+    assert [row[0] for row in tables["extremes"].rows] == ["area"]
+    assert [figure.name for figure in swept_all.figures] == ["area"]
+    assert len(results(points, [outcome(1.0)] + 2 * [failed("no", final=True)]).figures) == 3
 
 
 def test_a_sweep_without_failures_has_no_table_of_them():

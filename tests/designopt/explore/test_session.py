@@ -1,0 +1,264 @@
+"""What tabs share: values, locks, bounds, history, requirements, files."""
+
+import asyncio
+import math
+import sys
+
+import pytest
+
+from designopt.errors import UserError
+from designopt.explore import session as sessions
+from designopt.explore.messages import read_message
+from designopt.explore.session import History, Session, Settings
+from designopt.io.spec import SpecFile
+from tests.designopt.explore import slider_crank
+from tests.designopt.explore.slider_crank import LOCKED, SliderCrank
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """Run a coroutine that is given a session, a way to talk to it and a way to wait."""
+    module = type(sys)("designopt.optimize.design_search")
+    module.search = slider_crank.search  # pyright: ignore[reportAttributeAccessIssue]
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setattr(sessions, "REST", 0.02)
+
+    def run(guest, explorer=None):
+        async def main():
+            session = Session(explorer or SliderCrank(), tmp_path, lambda *_: None)
+
+            def say(text, tab="tab"):
+                session.take(tab, read_message(text.replace("'", '"')))
+
+            async def until(condition):
+                for _ in range(2000):
+                    if condition(session.model):
+                        return
+                    await asyncio.sleep(0.01)
+                raise AssertionError(f"it never came: {session.model}")
+
+            await until(lambda model: model["readouts"] and not model["judging"])
+            await guest(session, say, until)
+            for worker in session.end():
+                worker.join()
+
+        asyncio.run(main())
+
+    return run
+
+
+def set_(name, value, gesture=0, seq=1):
+    return f"{{'type':'set','values':{{'{name}':{value}}},'seq':{seq},'gesture':{gesture}}}"
+
+
+def settings(value):
+    return Settings({"x": value}, frozenset(), {"x": (0.0, 9.0)})
+
+
+def test_changes_of_one_gesture_are_undone_together():
+    history = History(settings(0.0))
+    for value, gesture in ((1.0, "a"), (2.0, "a"), (3.0, "b"), (4.0, None), (5.0, None)):
+        history.change(settings(value), gesture)
+    found = [history.now.values["x"]]
+    for _ in range(5):
+        history.undo()
+        found.append(history.now.values["x"])
+    assert found == [5.0, 4.0, 3.0, 2.0, 0.0, 0.0]
+    assert history.lengths == (0, 4)
+    history.redo()
+    history.change(settings(7.0), "a")  # another gesture than before undoing
+    assert history.lengths == (2, 0)
+    history.undo()
+    assert history.now.values["x"] == 2.0
+
+
+def test_values_stay_within_bounds_and_locks_hold(run):
+    async def guest(session, say, until):
+        say("{'type':'bounds','name':'radius','low':20,'high':40}")
+        say(set_("radius", 99))
+        assert session.model["values"]["radius"] == 40.0
+        assert session.model["note"] == "radius stays within 20 and 40 mm"
+        say("{'type':'bounds','name':'radius','low':50,'high':1e9}")
+        assert session.model["bounds"]["radius"] == [40.0, 80.0]
+        assert "hold its value, 40" in session.model["note"]
+        say("{'type':'lock','name':'radius','locked':true}")
+        say(set_("radius", 50))
+        say("{'type':'preset','name':'as designed'}")
+        assert session.model["values"]["radius"] == 40.0
+        say("{'type':'preset','name':'upright'}")
+        assert session.model["values"]["crank"] == 90.0
+        say("{'type':'drag','handle':'tip','x':10,'y':10,'seq':1,'gesture':1}")
+        assert session.model["note"] == "tip stays where it is: radius is locked"
+
+    run(guest)
+
+
+def test_a_dragged_handle_changes_what_its_explorer_computes_within_bounds(run):
+    async def guest(session, say, until):
+        say("{'type':'bounds','name':'radius','low':20,'high':40}")
+        say("{'type':'drag','handle':'tip','x':0,'y':60,'seq':7,'gesture':1}")
+        await until(lambda model: model["values"]["crank"] == 90.0)
+        assert session.model["values"]["radius"] == 40.0
+        say("{'type':'drag','handle':'gone','x':0,'y':60,'seq':8,'gesture':1}")
+        say("{'type':'undo'}")
+        await until(lambda model: model["values"]["crank"] == 40.0)
+
+    run(guest)
+
+
+def test_a_drag_under_way_does_not_overwrite_what_is_undone(run):
+    async def guest(session, say, until):
+        say(set_("rod", 90))
+        say("{'type':'drag','handle':'tip','x':0,'y':60,'seq':7,'gesture':1}")
+        say("{'type':'undo'}")
+        await asyncio.sleep(0.2)
+        assert session.model["values"] == SliderCrank().values()
+
+    run(guest)
+
+
+def test_requirements_are_judged_after_rest_with_their_margins(run):
+    async def guest(session, say, until):
+        assert session.model["measured"]["stroke"] == "62.74 mm"
+        say(set_("radius", 60))
+        assert session.model["judging"]
+        await until(lambda model: not model["judging"])
+        [[asked, value, margin, met]] = session.model["requirements"]
+        angle = math.degrees(math.asin(60 / 70))
+        assert (asked, met) == ("rod within 45° of the guide", False)
+        assert float(value.split()[0]) == pytest.approx(angle, abs=1e-3)
+        assert margin == "−14 °"
+        say(set_("rod", 25))
+        await until(lambda model: "the crank cannot turn" in model["note"])
+        assert session.model["requirements"][0][1:] == [None, None, False]
+        say("{'type':'save','although_failing':true}")
+        await until(lambda model: "cannot turn" in model["note"])
+
+    run(guest)
+
+
+def test_what_a_pose_lacks_is_a_message_beside_the_picture(run):
+    async def guest(session, say, until):
+        say(set_("rod", 20))
+        say(set_("crank", 90, 1))
+        await until(lambda model: model["message"] == LOCKED)
+        assert session.model["readouts"][0] == ["slider's place", "–", "mm"]
+
+    run(guest)
+
+
+def test_the_newest_values_are_shown_and_those_between_left_out(run):
+    explorer = SliderCrank()
+
+    async def guest(session, say, until):
+        shows = explorer.shows
+        for number in range(200):
+            say(set_("crank", number / 2, seq=number))
+        await until(lambda model: model["panels"][1]["at"] == 99.5)
+        assert explorer.shows - shows < 200
+
+    run(guest, explorer)
+
+
+def test_files_are_numbered_and_marked_where_the_design_fails(run, tmp_path):
+    async def guest(session, say, until):
+        (tmp_path / "raw-1.bin").touch()
+        say("{'type':'save','although_failing':true}")
+        await until(lambda model: model["note"].startswith("saved crank-2.toml and raw-2.bin in"))
+        text = (tmp_path / "crank-2.toml").read_text()
+        assert text == "radius = 31.37\nrod = 70.0\noffset = 0.0\n"
+        say(set_("radius", 60))
+        say("{'type':'save','although_failing':false}")
+        await until(lambda model: model["note_is_fault"])
+        assert "not saved, for it fails 1 of 1 requirements: rod within" in session.model["note"]
+        say("{'type':'save','although_failing':true}")
+        await until(lambda model: model["note"].startswith("saved crank-1-failing.toml"))
+        assert (tmp_path / "raw-1-failing.bin").read_bytes() == b"\x00"
+        assert len(list(tmp_path.iterdir())) == 5
+
+    run(guest)
+
+
+def test_nothing_is_written_where_one_file_cannot_be(run, tmp_path):
+    explorer = SliderCrank()
+    names = ("a.toml", f"{300 * 'b'}.toml")
+    explorer.design.files = lambda values: [SpecFile(name, "", "x = 1") for name in names]
+
+    async def guest(session, say, until):
+        say("{'type':'save','although_failing':true}")
+        await until(lambda model: model["note_is_fault"])
+        assert not list(tmp_path.iterdir())
+
+    run(guest, explorer)
+
+
+def test_an_optimisation_changes_what_is_free_within_its_bounds(run):
+    async def guest(session, say, until):
+        say("{'type':'bounds','name':'radius','low':10,'high':40}")
+        say("{'type':'optimise','measure':'stroke'}")
+        await until(lambda model: model["report"])
+        assert session.model["values"]["radius"] == 40.0
+        assert session.model["optimising"] == ""
+        say("{'type':'undo'}")
+        assert session.model["values"]["radius"] == 31.37
+        for name in ("radius", "rod", "offset"):
+            say(f"{{'type':'lock','name':'{name}','locked':true}}")
+        say("{'type':'optimise','measure':'stroke'}")
+        assert "unlock one" in session.model["note"]
+        say("{'type':'lock','name':'radius','locked':false}")
+        say("{'type':'optimise','measure':'angle'}")
+        await until(lambda model: "nothing to improve" in model["note"])
+        assert session.model["optimising"] == ""
+
+    run(guest)
+
+
+def test_presets_are_stored_for_the_session(run, monkeypatch):
+    monkeypatch.setattr(sessions, "MOST_PRESETS", 3)
+
+    async def guest(session, say, until):
+        say("{'type':'store','name':' mine '}")
+        say(set_("rod", 90))
+        say("{'type':'preset','name':'mine'}")
+        assert session.model["values"]["rod"] == 70.0
+        say("{'type':'store','name':'upright'}")
+        assert "choose another name" in session.model["note"]
+        say("{'type':'store','name':'other'}")
+        assert session.model["presets"] == ["as designed", "upright", "mine"]
+
+    run(guest)
+
+
+UNKNOWN = [
+    set_("nose", 1),
+    "{'type':'lock','name':'nose','locked':true}",
+    "{'type':'bounds','name':'nose','low':1,'high':2}",
+    "{'type':'preset','name':'nose'}",
+    "{'type':'optimise','measure':'nose'}",
+]
+
+
+def test_names_that_a_design_has_not_are_refused(run):
+    async def guest(session, say, until):
+        for text in UNKNOWN:
+            with pytest.raises(ValueError, match="no such name: nose"):
+                say(text)
+
+    run(guest)
+
+
+def test_a_fault_of_a_design_is_shown(run, capfd):
+    class Broken(SliderCrank):
+        def sketch(self):
+            raise UserError("box.toml: no drawing")
+
+    async def guest(session, say, until):
+        assert session.model["note"] == "box.toml: no drawing"
+        session._design.judge = lambda values: 1 / 0
+        say(set_("rod", 71))
+        await until(
+            lambda model: model["note"] == "this failed: ZeroDivisionError: division by zero"
+        )
+
+    run(guest, Broken())
+    assert "division by zero" in capfd.readouterr().err
