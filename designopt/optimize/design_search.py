@@ -411,16 +411,19 @@ class DesignSearch:
         own, size = self.objective.name, place.size
         margins, margin_slopes = [np.zeros(0)], [np.zeros((0, size))]
         for bound, more in zip(self.keep, reserve, strict=True):
-            scale = self._measure(bound).scale
-            side = 1.0 if bound.relation == ">=" else -1.0
-            margins.append((side * (arrays[bound.measure].ravel() - bound.value) - more) / scale)
+            measure, side = self._measure(bound), 1.0 if bound.relation == ">=" else -1.0
+            scale = measure.scale
+            # No more can be asked for than there is.
+            there_is = side * (measure.limits[side > 0] - bound.value)
+            spare = min(more + HAIR * scale, there_is)
+            margins.append((side * (arrays[bound.measure].ravel() - bound.value) - spare) / scale)
             margin_slopes.append(side * slopes[bound.measure].reshape(-1, size) / scale)
         rows = np.concatenate(margin_slopes)
         moved = np.any(rows != 0, axis=1)  # what nothing free changes has nothing to spare
         return _Point(
             place,
             sign * arrays[own].ravel() / self.objective.scale,
-            np.concatenate(margins) - HAIR * moved,
+            np.concatenate(margins) + HAIR * ~moved,
             sign * slopes[own].reshape(-1, size) / self.objective.scale,
             rows,
         )

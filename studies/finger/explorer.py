@@ -83,15 +83,13 @@ class FingerExplorer(Explorer):
     A coupled finger has no DIP of its own.
     """
 
-    design: FingerParametric  # pyright: ignore[reportIncompatibleVariableOverride]
-
     def __init__(self, design: FingerParametric) -> None:
         """Nothing is compiled yet.
 
         Args:
             design: a finger with pins, a camera or both.
         """
-        self.design = design
+        self.design = design  # pyright: ignore[reportIncompatibleVariableOverride]
         self._designed = finger = design.designed
         ends = dict(zip(("pip", "dip"), finger.body.ranges_deg, strict=True))
         self._coupled = finger.pins is not None and finger.kind.freedoms == 1
@@ -247,14 +245,11 @@ class FingerExplorer(Explorer):
         finger = self._designed
         camera, names = finger.camera, _part_parameters(handle)
         assert camera is not None  # of an optical handle
-        hosts = {
-            f"{name} mirror": one.phalanx
-            for name, one in zip(finger.mirror_names, finger.mirrors, strict=True)
-        }
-        host = hosts.get(handle.partition(",")[0], camera.phalanx)
-        turn = -OUTWARD[host] * np.radians(
-            {"proximal": values["pip"], "distal": dip}.get(host, 0.0)
-        )
+        mirrors = dict(zip(finger.mirror_names, finger.mirrors, strict=True))
+        part = mirrors.get(handle.partition(" mirror, ")[0])
+        host = camera.phalanx if part is None else part.phalanx
+        flexion = {"proximal": values["pip"], "intermediate": 0.0, "distal": dip}[host]
+        turn = -OUTWARD[host] * np.radians(flexion)
         axis = values["body.intermediate"] if host == "distal" else 0.0
         local = (at - axis) * cmath.exp(-1j * turn)
         dorsal = values["body.thickness"] - values["body.axis_height"]

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import partial
 from typing import Any, Literal
 
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from optics import find_focus, find_views
 from studies.models.finger import Finger
 from studies.models.finger_parametric.asking import Arrays, Asked, asking, measure_name
 from studies.models.finger_parts import PHALANGES
 from studies.models.mirror_design.clearances import clearance_checks, dorsal_room, find_clearances
+from studies.models.mirror_design.errors import perturb, spread_evenly
 from studies.models.mirror_design.postures import ROUNDING, look_up
 from studies.models.mirror_design.problem import CLEARANCE_SCALE, HIDDEN_SCALE, clearance_names
 from studies.models.mirror_design.requirements import COVERAGE, MEMBRANE, SHARPNESS
@@ -24,6 +28,11 @@ from studies.models.mirror_design.yields import postures
 POSES = 12
 """Postures with both joints bent alike in which a design is evaluated, and as many in which one is
 straight where the other is bent; it is judged at every degree."""
+
+SPREAD, SEED = 1.0, 0
+"""Size of the errors of assembly with which it is evaluated once more in each of these postures,
+over the stated ones, and what they are drawn from. Coverage cannot be more than all: what is seen
+with errors, another one in every posture, is seen between the postures as well."""
 
 BLUR, WALL = "blur", "camera inside the wall of the back"
 
@@ -51,7 +60,8 @@ def own_mirrors(finger: Finger) -> MirrorSpec:
 class OpticsAspect:
     """Coverage, resolution, blur and clearances of a finger's optics over all its postures.
 
-    The yield with errors of assembly takes a minute and has no slope: it is not among them.
+    The yield takes a minute and has no slope: it is not among them; but all must be seen with some
+    errors of assembly, too.
 
     Attributes:
         asked: all measures.
@@ -70,7 +80,9 @@ class OpticsAspect:
         self._spec = spec
         even = np.linspace(0.0, 1.0, POSES)
         pairs = np.concatenate([np.stack([even, even]), np.stack([even, even[::-1]])], axis=1).T
-        self._degrees = pairs * finger.body.ranges_deg
+        errors = spread_evenly(spec.tolerances, len(finger.mirrors), len(pairs), SEED)
+        self._errors = np.concatenate([np.zeros_like(errors), SPREAD * errors])
+        self._degrees = np.tile(pairs * finger.body.ranges_deg, (2, 1))
         self._focused = finger.camera is not None and finger.camera.lens is not None
         self._clearances = clearance_names(finger)
         self.gaps = dict.fromkeys((measure_name(one, KNOWN) for one in self._clearances), 0.0)
@@ -79,7 +91,8 @@ class OpticsAspect:
     def _where(self, index: tuple[int, ...]) -> str:
         pip, dip = self._degrees[index[0]]
         pad = f" of the {PHALANGES[index[1]]} pad" if len(index) > 1 else ""
-        return f"{pad} at PIP {pip:.3g}°, DIP {dip:.3g}°".strip()
+        errors = ", with errors of assembly" if np.any(self._errors[index[0]]) else ""
+        return f"{pad} at PIP {pip:.3g}°, DIP {dip:.3g}°{errors}".strip()
 
     def _seen(self) -> Iterable[Asked]:
         spec = self._spec
@@ -126,14 +139,27 @@ class OpticsAspect:
         if wanted & {*self._clearances}:
             found |= find_clearances(finger)
         if wanted - {*self._clearances, WALL, MEMBRANE}:
-            scene = finger.scene()
-            views = find_views(scene, jnp.deg2rad(jnp.asarray(self._degrees)))
-            found[COVERAGE] = 1 - hidden_penalty(views)
+            seen = partial(self._look, finger, BLUR in wanted)
+            poses = jnp.deg2rad(jnp.asarray(self._degrees))
+            found |= jax.vmap(seen)(jnp.asarray(self._errors), poses)
             found |= {f"{COVERAGE}.{pad}": found[COVERAGE][:, i] for i, pad in enumerate(PHALANGES)}
-            found[SHARPNESS] = least_resolution(views.value, pad_lengths(scene))
-            if BLUR in wanted:
-                found[BLUR] = jnp.max(find_focus(scene, views.value).blur, axis=(-2, -1))
         return {measure_name(label, KNOWN): values for label, values in found.items()}
+
+    def _look(
+        self,
+        finger: Finger,
+        blurred: bool,
+        errors: Float[Array, " errors"],
+        pose: Float[Array, "2"],
+    ) -> Arrays:
+        """What one finger with errors of assembly shows in one posture."""
+        scene = perturb(finger, errors).scene()
+        views = find_views(scene, pose)
+        found = {COVERAGE: 1 - hidden_penalty(views)}
+        found[SHARPNESS] = least_resolution(views.value, pad_lengths(scene))
+        if blurred:
+            found[BLUR] = jnp.max(find_focus(scene, views.value).blur, axis=(-2, -1))
+        return found
 
     def judge(self, finger: Finger) -> dict[str, float]:
         """Every measure, at every degree of both joints.
