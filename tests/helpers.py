@@ -12,10 +12,6 @@ from typing import Any
 import jax
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-
-from designopt.plot.figures import style
 
 DATA = Path(__file__).parent / "data"
 GALLERY = DATA.parents[1] / "studies/gallery"
@@ -56,20 +52,6 @@ def assert_same(found: Any, wanted: Any, rtol: float = 1e-13, atol: float = 1e-1
     assert jax.tree.structure(found) == jax.tree.structure(wanted)
     for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
         np.testing.assert_allclose(one, other, rtol=rtol, atol=atol)
-
-
-def figure_of(bench: Any) -> Figure:
-    """A figure with a bench drawn into it."""
-    figure = Figure(figsize=(12, 6))
-    FigureCanvasAgg(figure)
-    with style():
-        bench.draw(figure.subfigures(1, 1))
-    return figure
-
-
-def readings(shown: Any) -> dict[str, Any]:
-    """Values that a bench shows, by name."""
-    return {reading.name: reading.value for reading in shown.readings}
 
 
 def central_differences(function: Callable[..., Any], design: Any) -> list[float]:

@@ -47,9 +47,9 @@ RADIUS, SMALLEST = 0.1, 1e-7
 ACCEPTED, TRUSTED = 0.1, 0.7
 """Parts of what the slopes promise: with so much a step is taken, with so much the box grows."""
 
-PENALTIES = (3.0, 30.0, 300.0, 3000.0)
-"""What it costs to miss a requirement by its scale, in scales of the objective: as little as leads
-back to it, for along curved limits a high one leaves small steps only."""
+PENALTIES = (3.0, 3000.0)
+"""Least and greatest cost of missing a requirement by its scale, in scales of the objective: as
+little as leads back to it, for along curved limits a high one leaves small steps only."""
 
 CONVERGED = 1e-7
 """A step that promises less, in scales, is none."""
@@ -665,20 +665,16 @@ def _linear_step(point: _Point, radius: float, penalty: float) -> tuple[np.ndarr
     limits = np.stack(
         [np.maximum(-radius, -point.place), np.minimum(radius, 1.0 - point.place)], axis=1
     ).tolist()
-    for weight in [one for one in PENALTIES if one >= penalty]:
-        found = linprog(
-            np.concatenate([np.zeros(size), [-1.0, weight]]),
-            A_ub=np.vstack([above, kept]),
-            b_ub=np.concatenate([point.pieces, point.margins[near]]),
-            bounds=[*limits, (None, None), (0.0, None)],
-            method="highs",
-        )
+    rows, values = np.vstack([above, kept]), np.concatenate([point.pieces, point.margins[near]])
+    bounds = [*limits, (None, None), (0.0, None)]
+    while True:
+        cost = np.concatenate([np.zeros(size), [-1.0, penalty]])
+        found = linprog(cost, A_ub=rows, b_ub=values, bounds=bounds, method="highs")
         if found.status != 0:
             return np.zeros(size), 0.0, penalty
-        penalty = weight
-        if found.x[-1] <= MET:
-            break
-    return found.x[:size], point.merit(penalty) - float(found.fun), penalty
+        if found.x[-1] <= MET or penalty >= PENALTIES[1]:
+            return found.x[:size], point.merit(penalty) - float(found.fun), penalty
+        penalty *= 10
 
 
 def _bounds_at(place: np.ndarray) -> list[tuple[int, int]]:

@@ -16,7 +16,8 @@ from kinematics.export.mjcf_tree import Tree, block_of
 from kinematics.model.assembled import zeroed
 from kinematics.model.linkage import Linkage
 from kinematics.model.topology import WORLD, InputPart
-from kinematics.plot.scene import SLOT_END, Scene, body_colors
+from kinematics.plot.drawing import body_colors
+from kinematics.plot.scene import SLOT_END, Scene
 from kinematics.plot.symbols import GRAY
 
 MM = 1e-3

@@ -105,7 +105,7 @@ def run(reader, name, out, page=None, **asked):
     """What `designopt see` does once a sensor is loaded, and its counts."""
     columns, rows = reader.sensor.lens.size
     with open_source(str(name), size=(columns, rows)) as source:
-        session = Session(source, reader, out, Asked(**asked), page)
+        session = Session(source, reader, out, Asked(**asked), page, lambda: None)
         session.follow(at_once(reader), 2)
         session.finish(out)
     return session.counts
