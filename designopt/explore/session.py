@@ -27,7 +27,7 @@ from designopt.explore.messages import (
 from designopt.explore.saving import save_specs
 from designopt.explore.wire import Wire, changed_fields, encode_panels, finite
 from designopt.explore.worker import Worker
-from designopt.optimize.parametric import Bound, Parameter, Values, shortfalls
+from designopt.optimize.parametric import TOLERANCE, Bound, Parameter, Values, shortfalls
 
 if TYPE_CHECKING:
     from designopt.optimize.design_search import SearchStep
@@ -395,11 +395,23 @@ class Session:
         self._slow.submit("judge", lambda: self._design.judge(values), done)
 
     def _rows(self, judged: Mapping[str, float]) -> Wire:
+        """Requirements, those first that are missed or nearest to it; and all measures."""
         rows = []
         missed = [bound for bound, _ in self._missed(judged)]
-        for bound in self._design.requirements:
-            value, unit = judged[bound.measure], self._measures[bound.measure].unit
-            margin = bound.margin(value)
+
+        def nearness(bound: Bound) -> float:
+            measure = self._measures[bound.measure]
+            return bound.margin(judged[bound.measure]) / measure.scale
+
+        for bound in sorted(self._design.requirements, key=nearness):
+            measure = self._measures[bound.measure]
+            value, margin, unit = (
+                judged[bound.measure],
+                bound.margin(judged[bound.measure]),
+                measure.unit,
+            )
+            if abs(margin) < TOLERANCE * measure.scale:  # rounding
+                value, margin = bound.value, 0.0
             signed = f"{margin:+.4g}".replace("-", "−")
             rows.append(
                 [str(bound), _with_unit(value, unit), f"{signed} {unit}", bound not in missed]

@@ -5,6 +5,7 @@ import { Inputs } from './inputs.js';
 import { Panels } from './panels.js';
 
 const QUIET = 1000; // ms after which readouts are announced
+const NEAREST = 8; // requirements that are shown at once; the others unfold
 
 const model = {};
 const changed = new Set();
@@ -134,9 +135,15 @@ function showRequirements() {
   find('although').hidden = !model.requirements.some((row) => row[3] === false);
   if (find('although').hidden) find('although-failing').checked = false;
   const met = (one) => (one === null ? '' : one ? '✓ met' : '✗ not met');
-  find('requirements').replaceChildren(...model.requirements.map(([asked, value, margin, is]) =>
+  const rows = model.requirements.map(([asked, value, margin, is]) =>
     html('tr', {}, html('th', { scope: 'row' }, asked), html('td', { class: 'number' }, value ?? '–'),
-      html('td', { class: 'number' }, margin ?? '–'), html('td', { class: is === false ? 'met fault' : 'met' }, met(is)))));
+      html('td', { class: 'number' }, margin ?? '–'), html('td', { class: is === false ? 'met fault' : 'met' }, met(is))));
+  const missed = model.requirements.filter((row) => row[3] === false).length;
+  const first = Math.max(NEAREST, missed);
+  find('requirements').replaceChildren(...rows.slice(0, first));
+  find('others').replaceChildren(...rows.slice(first));
+  find('more').hidden = rows.length <= first;
+  find('more-of-them').textContent = `${rows.length - first} more, all met with larger margins`;
 }
 
 function showOptions(select, options) {

@@ -8,6 +8,7 @@ const ROOM = 26; // pixels around what is fitted
 const NEAR = 7; // pixels from a line at which it is hovered
 const STEP = 1.25;
 const WIDTH_OF_LETTER = 7.5; // pixels, of labels
+const NO_ROOM = 2; // labels or pins that a label would cover
 const AROUND = [
   [9, -9], [-9, -9], [9, 17], [-9, 17], [13, 4], [-13, 4], [0, -13], [0, 22], [9, -24], [-9, -24], [9, 32], [-9, 32],
 ];
@@ -200,13 +201,14 @@ export class View {
     return [(x - this.x) / this.scale, (y - this.y) / this.scale];
   }
 
-  // Labels beside their places, each where it lies on no earlier one and on no pin.
+  // Labels beside their places, each where it lies on no earlier one and on no pin. Where there is
+  // no room for one it is left out until the picture is enlarged; hovering names every part.
   labelTexts() {
     const taken = this.labels.map(([, , x, y]) => {
       const [across, down] = this.onScreen(x, y);
       return [across - 5, down - 5, across + 5, down + 5];
     });
-    return this.labels.map(([text, , x, y]) => {
+    return this.labels.flatMap(([text, , x, y]) => {
       const [across, down] = this.onScreen(x, y);
       const width = WIDTH_OF_LETTER * text.length;
       const boxes = AROUND.map(([right, low]) => {
@@ -215,9 +217,11 @@ export class View {
       });
       const faults = boxes.map((box) => (box[0] < 0 || box[2] > this.stage.clientWidth ? 3 : 0) + taken.filter(
         (one) => box[0] < one[2] && one[0] < box[2] && box[1] < one[3] && one[1] < box[3]).length);
-      const box = boxes[faults.indexOf(Math.min(...faults))];
+      const fewest = Math.min(...faults);
+      if (fewest >= NO_ROOM) return [];
+      const box = boxes[faults.indexOf(fewest)];
       taken.push(box);
-      return svg('text', { class: 'label', x: box[0], y: box[3] - 2 }, text);
+      return [svg('text', { class: 'label', x: box[0], y: box[3] - 2 }, text)];
     });
   }
 
