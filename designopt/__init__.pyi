@@ -4,7 +4,7 @@ from .fitting import Fit, least_squares
 from .io.spec import Spec
 from .io.toml_writing import format_toml
 from .numerics import as_float, safe_arctan2, safe_divide, safe_quadratic_roots, safe_sqrt
-from .optimising import optimise
+from .optimising.optimise import optimise
 from .roots import find_root
 from .solution import Solution, combine_checks
 from .study.benchmark import (

@@ -21,6 +21,7 @@ from docs.generator.markup import math_to_mathml
 from docs.generator.measured import measured_page
 from docs.generator.notebooks import write_tutorials
 from docs.generator.pictures import write_pictures
+from docs.generator.screenshots import write_screenshots
 from docs.generator.settings import settings_page
 
 ROOT = Path(__file__).parents[2]
@@ -40,6 +41,7 @@ def write_sources(source: Path, *, run: bool, full: bool) -> None:
     (reference / "commands.md").write_text(commands_page(), encoding="utf-8")
     write_api(source / "api")
     write_pictures(source / "pictures")
+    write_screenshots(source / "pictures")
     for topic in ("accuracy", "speed"):
         path = source / "measured" / f"{topic}.md"
         head = path.read_text(encoding="utf-8")

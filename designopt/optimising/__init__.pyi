@@ -1,3 +1,0 @@
-from .optimise import optimise
-
-__all__ = ["optimise"]
