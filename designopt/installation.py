@@ -11,7 +11,13 @@ import hashlib
 import importlib.util
 import re
 from collections.abc import Iterator, Sequence
-from importlib.metadata import Distribution, PackagePath, distribution, distributions
+from importlib.metadata import (
+    Distribution,
+    PackageNotFoundError,
+    PackagePath,
+    distribution,
+    distributions,
+)
 from pathlib import Path
 
 DISTRIBUTION = "designopt"
@@ -27,7 +33,9 @@ def find_clashes() -> list[str]:
     Of an editable installation, which lists no files, only what stands in front of it is found.
     Nothing is imported.
     """
-    others = [one for one in distributions() if _normalized(one.name) != DISTRIBUTION]
+    # What an interrupted installation has left may lack its name.
+    named = [one for one in distributions() if one.metadata and one.metadata["Name"]]
+    others = [one for one in named if _normalized(one.name) != DISTRIBUTION]
     lines = (_shadowed(name, others) or _overwritten(name, others) for name in PACKAGES)
     return [line for line in lines if line]
 
@@ -58,7 +66,10 @@ def _shadowed(package: str, others: Sequence[Distribution]) -> str:
 
 def _overwritten(package: str, others: Sequence[Distribution]) -> str:
     """Which distribution has overwritten files of a package; empty if all are as installed."""
-    ours = distribution(DISTRIBUTION)
+    try:
+        ours = distribution(DISTRIBUTION)
+    except PackageNotFoundError:  # a folder on the path: nothing was installed
+        return ""
     altered = {
         place: file
         for file in _files(ours, package)

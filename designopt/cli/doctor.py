@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from designopt.compilation_cache import OFF, VARIABLE, folder_fault, keep_programs, program_folder
 from designopt.errors import UserError, load_plug_in, one_line, reason_of
-from designopt.installation import DISTRIBUTION, PACKAGES, find_clashes
+from designopt.installation import DISTRIBUTION, PACKAGES, REINSTALL, find_clashes
 
 OPENCV = "opencv-contrib-python-headless"
 
@@ -51,13 +51,22 @@ def doctor() -> int:
     """
     found = []
     for check in CHECKS:
-        for line in check():
+        for line in _lines_of(check):
             found.append(line)
             state = {True: "ok", False: "WRONG", None: "note"}[line.is_well]
             print(f"{state:6}{one_line(line.text)}", flush=True)
     wrong = sum(line.is_well is False for line in found)
     print(f"{wrong} of {len(found)} checks found something wrong." if wrong else "All is well.")
     return 1 if wrong else 0
+
+
+def _lines_of(check: Callable[[], Iterator[Check]]) -> Iterator[Check]:
+    """The lines of a check; of one that an installation is too broken for, what ended it."""
+    try:
+        yield from check()
+    except Exception as error:
+        what = check.__name__.replace("_", " ")
+        yield Check(False, f"{what}: {type(error).__name__}: {error}; reinstall: {REINSTALL}")
 
 
 def check_python() -> Iterator[Check]:

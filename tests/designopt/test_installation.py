@@ -189,3 +189,11 @@ def test_processes_that_are_started_import_nothing_beside_the_user(beside):
     script += "os.execv(sys.executable, [sys.executable, '-c', 'import numpy; print(1)'])"
     done = python("-P", "-c", script, cwd=beside)
     assert done.stdout.endswith("\n1\n"), done.stderr
+
+
+def test_what_an_interrupted_installation_has_left_has_no_name_and_is_passed_over(
+    tmp_path, monkeypatch
+):
+    (tmp_path / "broken-1.0.dist-info").mkdir()
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert find_clashes() == []
