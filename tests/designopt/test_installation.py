@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from designopt.installation import PACKAGES
+from designopt.installation import PACKAGES, find_clashes
 from tests.commands import python
 
 ROOT = Path(__file__).parents[2]
