@@ -53,7 +53,10 @@ class Asked:
             )
         names, bounds = [], {}
         for text in free:
-            name, equals, ends = text.partition("=")
+            # Names may hold a sign of equality themselves, and a range has a colon.
+            name, equals, ends = text.rpartition("=")
+            if not equals or (":" not in ends and name.count("=")):
+                name, equals, ends = text, "", ""
             names.append(name.strip())
             if equals:
                 bounds[name.strip()] = parse_range(f"--free {text}", ends)

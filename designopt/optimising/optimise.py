@@ -9,6 +9,7 @@ import jax
 
 from designopt.design_kind import Design
 from designopt.designs import load_design
+from designopt.errors import UserError
 from designopt.optimising.asked import Asked, parse_over
 from designopt.optimize.design_search import SearchResult, SearchStep
 from designopt.optimize.parametric import ParametricDesign
@@ -59,6 +60,8 @@ def optimise(
         >>> found.judged["min_transmission"] > found.judged_before["min_transmission"]
         True
     """
+    if over and isinstance(design, ParametricDesign):
+        raise UserError("over: these are numbers already; give the range where they are made")
     with jax.enable_x64(True):
         if not isinstance(design, ParametricDesign):
             loaded = design if isinstance(design, Design) else load_design(str(design))

@@ -92,7 +92,7 @@ def report(
         objective=objective.name,
         unit=unit or "1",
         why=result.why,
-        begun="design was" if spec.starts == 1 else "designs were",
+        begun="start" if spec.starts == 1 else "starts",
     )
     out.metric(
         objective.name,
@@ -103,14 +103,16 @@ def report(
         worst=objective.worst,
         was="no design" if was is None else amount_text(was, unit),
     )
-    out.metrics(requirements_missed=len(result.missed))
+    # What is no design meets nothing.
+    out.metrics(requirements_missed=len(result.missed if result.judged else result.keep))
     _add_findings(out, design, result)
     _add_tables(out, design, result)
     out.figure("before", draw(loaded.drawing()))
-    files = design.files(result.values)
-    out.figure("after", draw(_read_again(files).drawing()))
-    for file in files:
-        out.file(file)
+    if result.judged:
+        files = design.files(result.values)
+        out.figure("after", draw(_read_again(files).drawing()))
+        for file in files:
+            out.file(file)
     return out.results()
 
 
@@ -122,7 +124,7 @@ def _add_findings(out: Report, design: ParametricDesign, result: SearchResult) -
     for bound, margin in result.missed:
         measure = find_measure(design, bound.measure)
         out.say("missed", words=str(bound), amount=amount_text(-margin, measure.unit))
-    if result.conflict:
+    if not result.slopes:  # nothing was found that is better than the start
         return
     for one in result.active:
         gain = amount_text(one.price, unit)
@@ -162,10 +164,11 @@ def _add_tables(out: Report, design: ParametricDesign, result: SearchResult) -> 
     if result.keep:
         out.table("requirements", kept)
     slopes = Records()
-    for name in result.free:
+    for name in result.free if result.slopes else ():
         own = {measure: row[name] for measure, row in result.slopes.items()}
         slopes.add(parameter=name, unit=units[name], **own)
-    out.table("sensitivities", slopes)
+    if result.slopes:
+        out.table("sensitivities", slopes)
 
 
 def _read_again(files: Sequence[SpecFile]) -> Design:

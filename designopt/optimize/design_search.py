@@ -12,6 +12,7 @@ goes on, as in an exchange method (R. Hettich, K. O. Kortanek, SIAM Rev. 35 (199
 from __future__ import annotations
 
 import difflib
+import functools
 import math
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
@@ -73,6 +74,9 @@ ACTIVE = 1e-5
 LEAST_SHARE = 0.01
 """What has a smaller part in all that holds a design is left out."""
 
+NO_NUMBER = 1e6
+"""By how many scales a piece or a margin that is no number counts as missed."""
+
 MEETING = "meeting the requirements"
 
 
@@ -92,9 +96,10 @@ class SearchResult:
         active: what holds it, the dearest first; prices in the objective's unit: by how much it
             would gain, to first order, if one unit less were asked.
         slopes: of the objective and of every measure that is asked for, by the free parameters:
-            what one unit more of a parameter changes.
+            what one unit more of a parameter changes; empty, as ``active``, where the search found
+            nothing better than the start.
         missed: the requirements that are missed, with their margins (negative), worst first.
-        conflict: requirements that cannot be met together from any start, each with what it is
+        conflict: requirements that no design near can meet better together, each with what it is
             short of; empty where all are met, or where nothing shows that they conflict.
         is_optimum: whether nothing near is better, to first order.
         why: what ended the search, in words.
@@ -202,7 +207,8 @@ def free_parameters(
     known = {one.name: one for one in design.parameters}
     names = list(free) or list(known if design.free is None else design.free)
     found: dict[str, tuple[float, float]] = {}
-    for name in names:
+    # Of a name and the beginning of it, the name's own bounds hold, in whatever order they come.
+    for name in sorted(names, key=len):
         own = [one for one in known if one == name or one.startswith(f"{name}.")]
         if not own:
             raise UserError(
@@ -210,23 +216,32 @@ def free_parameters(
                 f"{_hint(name, known, 'there are')}"
             )
         for one in own:
-            low, high = (bounds or {}).get(name, (None, None))
+            ends = (bounds or {}).get(name, (None, None))
+            if ends == (None, None) and one in found:
+                continue
+            parameter = known[one]
             low, high = (
-                known[one].low if low is None else low,
-                known[one].high if high is None else high,
+                default if end is None else end
+                for end, default in zip(ends, (parameter.low, parameter.high), strict=True)
             )
             if not low < high:
                 raise UserError(f"--free {name}={low:g}:{high:g}: leave it a range, low < high")
+            least, most = parameter.limits
+            if not least < low or not high < most:
+                raise UserError(
+                    f"--free {name}={low:g}:{high:g}: {one} lies between {least:g} and "
+                    f"{amount_text(most, parameter.unit)}, ends not included"
+                )
             found[one] = low, high
-    return found
+    return {name: found[name] for name in known if name in found}
 
 
 def check_bounds(design: ParametricDesign, keep: Sequence[Bound]) -> None:
     """Refuse requirements that nothing can meet, before anything is compiled.
 
     Raises:
-        UserError: a measure is unknown, its relation makes no sense, its value is beyond what it
-            can be, or two requirements leave nothing between them.
+        UserError: a measure is unknown, its relation makes no sense, or its value is beyond what it
+            can be.
     """
     for bound in keep:
         measure = find_measure(design, bound.measure)
@@ -355,42 +370,52 @@ class DesignSearch:
             seed: of that sequence.
         """
         own = np.array([values[name] for name in self.free])
-        begins = [np.clip((own - self._low) / self._span, 0.0, 1.0)]
+        place = np.clip((own - self._low) / self._span, 0.0, 1.0)
+        begins = [place]
+        is_inside = np.all((self._low <= own) & (own <= self._low + self._span))
         if starts > 1:
             sampler = qmc.Sobol(own.size, rng=np.random.default_rng(seed))
             begins += [*sampler.random_base2((starts - 2).bit_length())[: starts - 1]]
         full, reserve = self.design.vector(values), np.zeros(len(self.keep))
         before = self._judged(values)
-        first = self._named(begins[0], values)
-        best, best_judged = first, before if first == values else self._judged(first)
+        first = dict(values) if is_inside else self._named(begins[0], values)
+        start = first, before if is_inside else self._judged(first)
         begins = yield from self._meeting(begins, full, reserve, values)
         ends = list[tuple[_Point, str]]()
         for number, begin in enumerate(begins, 1):
-            if self._at(begin, full, reserve).missing > MET:
+            if not self._at(begin, full, reserve).missing <= MET:
                 continue
             phase = f"search {number} of {len(begins)}" if len(begins) > 1 else "search"
             ends.append((yield from self._climb(begin, full, reserve, values, phase)))
         if not ends:
             nearest = min((self._at(b, full, reserve) for b in begins), key=lambda p: p.missing)
-            conflict = self._conflict(nearest)
-            why = "no design was found that meets all requirements, and none was searched from"
-            yield self._finish(values, before, best, best_judged, nearest, conflict, why)
+            # A start that is judged to meet everything has no conflict.
+            is_met = start[1] and not shortfalls(self.design, start[1], self.keep)
+            conflict = () if is_met else self._conflict(nearest)
+            why = "no design near was found that meets all requirements"
+            yield self._finish(values, before, *start, None, conflict, why)
             return
         found, why = max(ends, key=lambda end: end[0].rank)
+        (best, best_judged), best_point = start, None
         for again in range(ROUNDS + 1):
             named = self._named(found.place, values)
             judged = self._judged(named)
             if self._worth(judged) > self._worth(best_judged):
-                best, best_judged = named, judged
+                best, best_judged, best_point = named, judged, found
+            elif best_point is None and np.allclose(found.place, place, rtol=0.0, atol=1e-9):
+                best_point = found  # it began at an optimum
             missed = shortfalls(self.design, judged, self.keep) if judged else []
             if not missed or again == ROUNDS:
                 break
             for bound, margin in missed:
-                reserve[self.keep.index(bound)] -= RESERVE * margin
+                more = -margin if math.isfinite(margin) else self._measure(bound).scale
+                reserve[self.keep.index(bound)] += RESERVE * more
             phase = "asking for more"
             begins = yield from self._meeting([found.place], full, reserve, values)
             found, why = yield from self._climb(begins[0], full, reserve, values, phase)
-        yield self._finish(values, before, best, best_judged, found, (), why)
+        if best_point is None:
+            why = "what the search found is judged to be no better"
+        yield self._finish(values, before, best, best_judged, best_point, (), why)
 
     # -- the problem ----------------------------------------------------------------------------
 
@@ -415,28 +440,35 @@ class DesignSearch:
             scale = measure.scale
             # No more can be asked for than there is.
             there_is = side * (measure.limits[side > 0] - bound.value)
-            spare = min(more + HAIR * scale, there_is)
+            spare = min(more + HAIR * scale, max(there_is, 0.0))
             margins.append((side * (arrays[bound.measure].ravel() - bound.value) - spare) / scale)
             margin_slopes.append(side * slopes[bound.measure].reshape(-1, size) / scale)
         rows = np.concatenate(margin_slopes)
         moved = np.any(rows != 0, axis=1)  # what nothing free changes has nothing to spare
+        pieces = sign * arrays[own].ravel() / self.objective.scale
+        piece_slopes = sign * slopes[own].reshape(-1, size) / self.objective.scale
+        all_margins = np.concatenate(margins) + HAIR * ~moved
+        # What is no number is as bad as can be, and shows no way.
         return _Point(
             place,
-            sign * arrays[own].ravel() / self.objective.scale,
-            np.concatenate(margins) + HAIR * ~moved,
-            sign * slopes[own].reshape(-1, size) / self.objective.scale,
-            rows,
+            np.where(np.isfinite(pieces), pieces, -NO_NUMBER),
+            np.where(np.isfinite(all_margins), all_margins, -NO_NUMBER),
+            np.nan_to_num(piece_slopes, nan=0.0, posinf=0.0, neginf=0.0),
+            np.nan_to_num(rows, nan=0.0, posinf=0.0, neginf=0.0),
         )
 
-    def _rows(self) -> Iterator[tuple[str, Bound, tuple[int, ...]]]:
+    @functools.cached_property
+    def _rows(self) -> list[tuple[str, Bound, tuple[int, ...]]]:
         """Of every margin: its requirement with its name, and the index in that measure's array."""
         shapes = jax.eval_shape(
             lambda values: self.design.evaluate(values, self._asked),
             self.design.vector(self.design.values()),
         )
-        for label, bound in zip(_labels(self.keep), self.keep, strict=True):
-            for index in np.ndindex(shapes[bound.measure].shape):
-                yield label, bound, index
+        return [
+            (label, bound, index)
+            for label, bound in zip(_labels(self.keep), self.keep, strict=True)
+            for index in np.ndindex(shapes[bound.measure].shape)
+        ]
 
     # -- the search -----------------------------------------------------------------------------
 
@@ -515,14 +547,12 @@ class DesignSearch:
         before: dict[str, float],
         best: dict[str, float],
         judged: dict[str, float],
-        found: _Point,
+        found: _Point | None,
         conflict: tuple[str, ...],
         why: str,
     ) -> SearchStep:
-        """The last step, with the result."""
-        place = (np.array([best[name] for name in self.free]) - self._low) / self._span
-        is_found = np.allclose(place, found.place, rtol=0.0, atol=1e-12)
-        active, residual = self._active(found) if is_found and not conflict else ((), math.inf)
+        """The last step, with the result; ``found`` is the best design, if the search found it."""
+        active, residual = ((), math.inf) if found is None else self._active(found)
         result = SearchResult(
             objective=self.objective.name,
             free=self.free,
@@ -532,7 +562,7 @@ class DesignSearch:
             judged_before=before,
             judged=judged,
             active=active,
-            slopes=self._slopes(found) if is_found else {},
+            slopes={} if found is None else self._slopes(found),
             missed=tuple(shortfalls(self.design, judged, self.keep)) if judged else (),
             conflict=conflict,
             is_optimum=residual <= STATIONARY,
@@ -547,7 +577,7 @@ class DesignSearch:
         """What holds an optimum, and what multipliers leave of the objective's slope."""
         pieces = np.flatnonzero(point.pieces <= point.level + ACTIVE)
         margins = np.flatnonzero(point.margins <= ACTIVE)
-        ends, rows = _bounds_at(point.place), [*self._rows()]
+        ends, rows = _bounds_at(point.place), self._rows
         slopes = np.concatenate([point.margin_slopes[margins], _inward(ends, point.place.size)])
         multipliers, residual = _balance(point.piece_slopes[pieces], slopes)
         scale, found = self.objective.scale, list[Active]()
@@ -577,9 +607,9 @@ class DesignSearch:
         margins = np.flatnonzero(point.margins <= ACTIVE - point.missing)
         slopes = _inward(_bounds_at(point.place), point.place.size)
         multipliers, residual = _balance(point.margin_slopes[margins], slopes, of_level=True)
-        rows, lines = [*self._rows()], dict[str, None]()
+        rows, lines = self._rows, dict[str, None]()
         for number, multiplier in zip(margins, multipliers, strict=False):
-            if multiplier > LEAST_SHARE or residual > STATIONARY:
+            if multiplier > LEAST_SHARE and residual <= STATIONARY:
                 _, bound, index = rows[number]
                 measure = self._measure(bound)
                 amount = amount_text(point.missing * measure.scale, measure.unit)
@@ -589,7 +619,7 @@ class DesignSearch:
     def _slopes(self, point: _Point) -> dict[str, dict[str, float]]:
         """Of every measure asked for, where it is worst, by every free parameter."""
         kept = dict[str, tuple[np.ndarray, np.ndarray]]()
-        rows = np.array([bound.measure for _, bound, _ in self._rows()])
+        rows = np.array([bound.measure for _, bound, _ in self._rows])
         for name in self._asked[1:]:
             kept[name] = point.margins[rows == name], point.margin_slopes[rows == name]
         kept[self.objective.name] = point.pieces, point.piece_slopes
@@ -625,7 +655,8 @@ class DesignSearch:
         if not judged:
             return 0, 0.0, 0.0
         missed = shortfalls(self.design, judged, self.keep)
-        worst = min((margin / self._measure(bound).scale for bound, margin in missed), default=0.0)
+        parts = [margin / self._measure(bound).scale for bound, margin in missed]
+        worst = min((part if math.isfinite(part) else -math.inf for part in parts), default=0.0)
         value = judged[self.objective.name] / self.objective.scale
         value = value if self.objective.worst == "least" else -value
         return 1, worst, value if math.isfinite(value) else -math.inf

@@ -36,6 +36,7 @@ class Parameter:
         high: its greatest value.
         unit: of all three: ``"mm"``, ``"°"``, ``"N mm/rad"`` or empty.
         label: as people read it, such as "coupler A–B"; the name if empty.
+        limits: between which it makes sense, itself not among them, such as a length above 0.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Parameter:
     high: float
     unit: str = "mm"
     label: str = ""
+    limits: tuple[float, float] = (-math.inf, math.inf)
 
 
 @dataclass(frozen=True)
@@ -103,7 +105,7 @@ class Bound:
             >>> Bound.parse("mu.B >= 40").value
             40.0
         """
-        found = re.fullmatch(r"\s*(\S+?)\s*(>=|<=|≥|≤)\s*(\S+)\s*", text)
+        found = re.fullmatch(r"\s*(\S|\S.*?\S)\s*(>=|<=|≥|≤)\s*(\S+)\s*", text)
         try:
             assert found is not None
             name, relation, number = found.groups()

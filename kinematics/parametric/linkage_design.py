@@ -119,9 +119,8 @@ class LinkageDesign(ParametricDesign):
 
     def _parameter(self, number: int) -> Parameter:
         distance, value = self.dimensions.distances[number], float(self.designed[number])
-        return Parameter(
-            distance.name, value, SHORTEST * value, LONGEST * value, "mm", distance.label
-        )
+        low, high = SHORTEST * value, LONGEST * value
+        return Parameter(distance.name, value, low, high, "mm", distance.label, (0.0, math.inf))
 
     def _measures(self) -> list[Measure]:
         over = " and ".join(self.poses.linkage.input_names)

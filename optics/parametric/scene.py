@@ -151,15 +151,20 @@ class SceneParameters(ParametricDesign):
 
     @functools.cached_property
     def requirements(self) -> tuple[Bound, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """As much is seen as the design sees, blur is within the file's limit, the module free.
+        """As much is seen of every pad as now, blur is within its limit, the module is free.
 
-        Of a design that misses a pad altogether nothing is asked of coverage.
+        Of a pad that the design misses altogether in some posture nothing is asked.
         """
-        bounds = []
-        covered = self._judged(self.values(), ("coverage",))["coverage"]
-        if covered > 0:
-            least = math.floor(covered / FINE - 0.5) * FINE
-            bounds.append(Bound("coverage", ">=", least, f"as much seen as now, {least:.4g}"))
+        names = [f"coverage.{part.name}" for part in self._design.scene.layout.pads]
+        covered = self._judged(self.values(), tuple(names))
+        least = {name: math.floor(covered[name] / FINE - 0.5) * FINE for name in names}
+        if len({*least.values()}) == 1:
+            least = {"coverage": least[names[0]]}
+        bounds = [
+            Bound(name, ">=", value, f"{name.replace('.', ' of ')} as now, {value:.4g}")
+            for name, value in least.items()
+            if value > 0
+        ]
         camera = self._design.scene.camera
         if camera.lens is not None and camera.max_blur is not None:
             limit = float(camera.max_blur)

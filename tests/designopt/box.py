@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import jax.numpy as jnp
@@ -24,7 +25,7 @@ class Box(ParametricDesign):
     parameters = (
         Parameter("width", 8.0, 1.0, 20.0, label="width of the box"),
         Parameter("sides.left", 1.0, 1.0, 20.0),
-        Parameter("depth", 3.0, 1.0, 5.0),
+        Parameter("depth", 3.0, 1.0, 5.0, limits=(0.0, math.inf)),
     )
     measures = (
         Measure("area", "mm²", "the area", scale=10.0, limits=(0.0, 400.0)),

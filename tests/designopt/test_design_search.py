@@ -2,6 +2,7 @@
 
 import math
 
+import jax.numpy as jnp
 import pytest
 
 from designopt.errors import UserError
@@ -106,6 +107,65 @@ def test_search_is_the_search_from_these_values():
     assert last.values["width"] == pytest.approx(9.0, abs=1e-4)  # 2 (9 + 1) = 20
 
 
+def test_what_the_judge_refuses_is_not_taken_and_nothing_is_claimed_of_it():
+    # Without the outline the search ends at 20 × 20, which is judged to be no box.
+    free = free_parameters(BOX, ["width", "sides.left"])
+    finder = DesignSearch(Loose(), "area", free)
+    *_, last = finder.steps({**BOX.values(), "depth": 2.0})
+    found = last.result
+    assert found is not None
+    assert found.values == {**BOX.values(), "depth": 2.0}
+    assert (found.active, found.slopes, found.is_optimum) == ((), {}, False)
+    assert "judged to be no better" in last.message
+
+
+class Loose(Box):
+    requirements = ()
+
+
+class Undefined(Box):
+    """Its extent is no number for narrow boxes."""
+
+    def evaluate(self, values, of):
+        found = super().evaluate(values, of)
+        if "extent" in found:
+            found["extent"] = jnp.where(values[0] < 3.0, jnp.nan, found["extent"])
+        return found
+
+
+def test_what_is_no_number_is_no_design():
+    design = Undefined()
+    keep = [Bound("extent", ">=", 0.5)]
+    free = free_parameters(design, ["width"])
+    *_, last = DesignSearch(design, "area", free, keep).steps(BOX.values())
+    assert last.result is not None
+    assert last.result.values["width"] == pytest.approx(9.0, abs=1e-3)
+    *_, last = DesignSearch(design, "area", free, keep).steps({**BOX.values(), "width": 2.0})
+    assert last.result is not None
+    assert last.result.conflict == ()
+    assert all(math.isfinite(value) for value in last.result.values.values())
+
+
+def test_a_start_that_is_judged_to_meet_everything_conflicts_with_nothing():
+    class Careful(Box):
+        """Its search finds the outline larger than it is judged to be."""
+
+        def evaluate(self, values, of):
+            found = super().evaluate(values, of)
+            return {k: v + 30.0 * (k == "outline") for k, v in found.items()}
+
+    *_, last = DesignSearch(Careful(), "area", free_parameters(BOX)).steps(BOX.values())
+    assert last.result is not None
+    assert (last.result.conflict, last.result.missed) == ((), ())
+    assert last.result.values == BOX.values()
+
+
+def test_a_name_has_its_own_bounds_beside_its_beginning():
+    bounds = {"sides.left": (2.0, 3.0)}
+    for names in (["sides.left", "sides"], ["sides", "sides.left"]):
+        assert free_parameters(BOX, names, bounds) == {"sides.left": (2.0, 3.0)}
+
+
 def test_names_may_be_beginnings():
     assert free_parameters(BOX, ["sides"]) == {"sides.left": (1.0, 20.0)}
     assert [*free_parameters(BOX)] == ["width", "sides.left"]
@@ -116,6 +176,7 @@ def test_names_may_be_beginnings():
     [
         (lambda: free_parameters(BOX, ["widht"]), "--free widht: box has no such parameter; did"),
         (lambda: free_parameters(BOX, ["width"], {"width": (3.0, 3.0)}), "low < high"),
+        (lambda: free_parameters(BOX, ["depth"], {"depth": (-1.0, 3.0)}), "ends not included"),
         (lambda: DesignSearch(BOX, "volume", {"width": (1.0, 2.0)}), "no measure 'volume'"),
         (lambda: DesignSearch(BOX, "area", {}), "nothing is free"),
         (lambda: check_bounds(BOX, [Bound("area", ">=", 500.0)]), "is at most 400 mm²"),

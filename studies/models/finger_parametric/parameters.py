@@ -158,5 +158,6 @@ def _of_body(finger: Finger) -> list[_Part]:
     found = []
     for name, leaf, unit in leaves:
         value = np.asarray(leaf(finger))
-        found.append(_Part(leaf, (name,), SHORTEST * value, LONGEST * value, unit))
+        low, high = (SHORTEST * value, LONGEST * value) if value > 0 else (value, value + 1.0)
+        found.append(_Part(leaf, (name,), low, high, unit))
     return found
