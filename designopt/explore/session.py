@@ -145,7 +145,7 @@ class Session:
         self._show()
 
     def end(self) -> list[Worker]:
-        """Begin no further computation; returns what still computes."""
+        """Begin no further computation, only save what was asked for; returns what still works."""
         for worker in (workers := [self._picture, self._slow]):
             worker.end()
         return workers
@@ -185,9 +185,9 @@ class Session:
                 self._known([measure], self._measures)
                 self._optimise(measure)
             case Save(although_failing=although):
-                values = self._design_values()
-                job = lambda: self._save(values, although)  # noqa: E731
-                self._slow.submit("save", job, self._saved)
+                values = self._now.values
+                self._note("saving …")
+                self._slow.submit(None, lambda: self._save(values, although), self._saved)
 
     def _known(self, names: Iterable[str], among: Iterable[str]) -> None:
         if unknown := set(names) - set(among):
@@ -197,8 +197,12 @@ class Session:
     def _now(self) -> Settings:
         return self._history.now
 
+    def _own(self, values: Values) -> dict[str, float]:
+        """Those of the design, without the joints'."""
+        return {name: values[name] for name in self._dimensions}
+
     def _design_values(self) -> dict[str, float]:
-        return {name: self._now.values[name] for name in self._dimensions}
+        return self._own(self._now.values)
 
     def _settings(self) -> Wire:
         past, future = self._history.lengths
@@ -248,19 +252,24 @@ class Session:
         self._stop("stopped, for the design was changed")
         before, place, seqs = self._now, (message.x, message.y), dict(self.seqs)
 
-        def compute() -> tuple[Values, ExplorerState, list[Wire]]:
+        def compute() -> tuple[dict[str, float], ExplorerState, list[Wire]]:
             dragged = self._explorer.drag(before.values, message.handle, place)
-            values = {**before.values, **self._allowed(dragged)}
-            return values, *self._computed(values)
+            own = {name: dragged[name] for name in handles[message.handle] if name in dragged}
+            changed = self._allowed(own)
+            return changed, *self._computed({**before.values, **changed})
 
         def done(future: Future, changes: int = self._changes) -> None:
             if (found := self._result(future)) is None or changes != self._changes:
                 return
-            values, state, panels = found
-            self._change(replace(self._now, values=values), gesture, is_shown=True)
-            self._publish_state(state, panels, seqs)
+            changed, state, panels = found
+            now = {**self._now.values, **changed}
+            self._change(replace(self._now, values=now), gesture, is_shown=True)
+            if now == {**before.values, **changed}:
+                self._publish_state(state, panels, seqs)
+            else:  # another handle was dragged meanwhile
+                self._show()
 
-        self._picture.submit("show", compute, done)
+        self._picture.submit(f"drag {message.handle}", compute, done)
 
     def _limit(self, message: Limit) -> None:
         self._known([message.name], self.parameters)
@@ -312,10 +321,13 @@ class Session:
     # What is shown.
 
     def _show(self) -> None:
-        values, seqs = self._now.values, dict(self.seqs)
+        values, seqs, changes = self._now.values, dict(self.seqs), self._changes
 
         def done(future: Future) -> None:
-            if (found := self._result(future)) is not None:
+            found = self._result(future)
+            # Not after the picture of a drag that has ended meanwhile.
+            is_old = changes == self._changes and values != self._now.values
+            if found is not None and not is_old:
                 state, panels = found
                 self._publish_state(state, panels, seqs)
             if self._judged is None and self._rest is None:
@@ -423,8 +435,8 @@ class Session:
 
     def _save(self, values: Values, although_failing: bool) -> list[Path]:
         """In the second thread: nothing is saved before it is judged."""
-        known = self._judged
-        judged = known[1] if known and known[0] == values else self._design.judge(values)
+        known, own = self._judged, self._own(values)
+        judged = known[1] if known and known[0] == own else self._design.judge(own)
         fails = [self._fault(bound, margin) for bound, margin in self._missed(judged)]
         if fails and not although_failing:
             raise UserError(
@@ -447,6 +459,7 @@ class Session:
 
     def _optimise(self, measure: str) -> None:
         self._stop("stopped")
+        self._changes += 1  # a drag under way would stop it
         locked, bounds = self._now.locked, self._now.bounds
         free = {
             name: bounds[name]
