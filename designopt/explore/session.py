@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import sys
 import traceback
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
@@ -18,6 +19,7 @@ from designopt.explore.messages import (
     Limit,
     Lock,
     Message,
+    MessageError,
     Optimise,
     Preset,
     Save,
@@ -38,6 +40,7 @@ REST = 0.3
 LONGEST_HISTORY = 1000
 MOST_PRESETS = 100
 AS_DESIGNED = "as designed"
+CHANGED = "stopped, for the design was changed"
 
 
 @dataclass(frozen=True)
@@ -154,7 +157,7 @@ class Session:
         """Do what a tab asks for.
 
         Raises:
-            ValueError: a name in the message is none of the design's.
+            MessageError: a name in the message is none of the design's.
         """
         match message:
             case SetValues():
@@ -191,7 +194,7 @@ class Session:
 
     def _known(self, names: Iterable[str], among: Iterable[str]) -> None:
         if unknown := set(names) - set(among):
-            raise ValueError(ascii(f"no such name: {min(unknown)}")[1:110].rstrip("'\""))
+            raise MessageError(f"no such name: {min(unknown)}")
 
     @property
     def _now(self) -> Settings:
@@ -223,9 +226,11 @@ class Session:
         self._change(replace(self._now, values={**self._now.values, **allowed}), gesture)
 
     def _allowed(self, values: Values, *, note: bool = False) -> dict[str, float]:
-        """Values within their bounds, of those that are not locked."""
+        """Values within their bounds, of those that are numbers and not locked."""
         allowed = {}
         for name, value in values.items():
+            if not math.isfinite(value):  # of a drag that leads nowhere
+                continue
             low, high = self._now.bounds[name]
             if name in self._now.locked:
                 if note and value != self._now.values[name]:
@@ -249,7 +254,7 @@ class Session:
             for name in sorted(locked):
                 self._note(f"{message.handle} stays where it is: {self._label(name)} is locked")
             return
-        self._stop("stopped, for the design was changed")
+        self._stop(CHANGED)
         before, place, seqs = self._now, (message.x, message.y), dict(self.seqs)
 
         def compute() -> tuple[dict[str, float], ExplorerState, list[Wire]]:
@@ -304,19 +309,22 @@ class Session:
     def _change(
         self, settings: Settings, gesture: Hashable = None, *, is_shown: bool = False
     ) -> None:
-        self._stop("stopped, for the design was changed")
+        self._stop(CHANGED)
         self._history.change(settings, gesture)
         self._changed(is_shown=is_shown)
 
     def _changed(self, *, is_shown: bool = False) -> None:
         """Show what follows from other settings; a drag's picture is computed with its values."""
-        values = self.model["values"]
+        values = self._own(self.model["values"])
         self._publish(**self._settings())
         if not is_shown:
             self._changes += 1
             self._show()
-        if values != self._now.values:
-            self._judge_soon()
+        if values == self._design_values():
+            return
+        self._judge_soon()
+        if self._search is None and self.model["step"] != CHANGED:
+            self._publish(step="", report=[])  # they are another design's
 
     # What is shown.
 
@@ -386,6 +394,9 @@ class Session:
         if self._search is not None:  # its last step is judged
             return
         values = self._design_values()
+        if self._judged is not None and self._judged[0] == values:
+            self._publish(judging=False)
+            return
 
         def done(future: Future) -> None:
             if values != self._design_values():
