@@ -69,14 +69,18 @@ def _reserved(folder: Path, names: Sequence[str], mark: str) -> list[Path]:
 def _numbered(folder: Path, names: Sequence[str], mark: str) -> list[Path]:
     """Paths with the first number that no file has, be it marked as failing or not."""
     parts = [Path(name) for name in names]
-    for number in itertools.count(1):
-        paths = {
+    tried = (
+        {
             one: [folder / f"{part.stem}-{number}{one}{part.suffix}" for part in parts]
             for one in ("", FAILING)
         }
-        if not any(map(os.path.lexists, itertools.chain(*paths.values()))):
-            break
-    return paths[mark]
+        for number in itertools.count(1)
+    )
+    return next(
+        paths[mark]
+        for paths in tried
+        if not any(map(os.path.lexists, itertools.chain(*paths.values())))
+    )
 
 
 @contextmanager

@@ -122,7 +122,7 @@ def test_a_drag_under_way_does_not_overwrite_what_is_undone(run):
     run(guest)
 
 
-def test_handles_dragged_at_once_keep_what_each_has_changed(run):
+def test_handles_dragged_at_once_keep_what_each_has_changed(run, monkeypatch):
     explorer = SliderCrank()
     drag, may_go_on = explorer.drag, threading.Event()
 
@@ -131,7 +131,7 @@ def test_handles_dragged_at_once_keep_what_each_has_changed(run):
         return drag(*given)
 
     async def guest(session, say, until):
-        explorer.drag = wait
+        monkeypatch.setattr(explorer, "drag", wait)
         say("{'type':'drag','handle':'tip','x':0,'y':60,'seq':1,'gesture':1}")
         say("{'type':'drag','handle':'slider','x':99,'y':0,'seq':2,'gesture':2}", "other")
         may_go_on.set()
@@ -156,9 +156,10 @@ def test_a_drag_under_way_does_not_stop_what_is_begun_after_it(run):
     run(guest)
 
 
-def test_a_drag_that_leads_nowhere_changes_nothing(run):
+def test_a_drag_that_leads_nowhere_changes_nothing(run, monkeypatch):
     explorer = SliderCrank()
-    explorer.drag = lambda values, *_: {**values, "crank": math.nan, "radius": 33.0}
+    dragged = {"crank": math.nan, "radius": 33.0}
+    monkeypatch.setattr(explorer, "drag", lambda values, *_: {**values, **dragged})
 
     async def guest(session, say, until):
         say("{'type':'drag','handle':'tip','x':0,'y':60,'seq':1,'gesture':1}")
