@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from designopt.cli.completion import complete_design, complete_setting
 from designopt.cli.studies import ConfigFiles
 from designopt.compilation_cache import NoCache, keep_programs
 from designopt.interrupts import deferred, interruptible
@@ -24,12 +25,19 @@ def explore(
         str,
         typer.Argument(
             metavar="STUDY|FILE",
-            help="A study, a linkage or scene file, or a folder that 'designopt run' wrote.",
+            help="A study, a linkage, scene, chamber or finger file, or a folder that "
+            "'designopt run' wrote.",
+            autocompletion=complete_design,
         ),
     ],
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Change a study's setting; repeatable."),
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Change a study's setting; repeatable.",
+            autocompletion=complete_setting,
+        ),
     ] = None,
     config: ConfigFiles = None,
     port: Annotated[

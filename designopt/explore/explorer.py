@@ -111,7 +111,8 @@ class ExplorerState:
 class Explorer(abc.ABC):
     """A design with joints to turn and dimensions to change.
 
-    Everything is called in one thread, with JAX in float64. ``Values`` hold a number for every
+    An explorer is called in one thread, its design's methods in a second one too, both with JAX in
+    float64. ``Values`` hold a number for every
     joint and every dimension.
 
     Attributes:

@@ -14,6 +14,14 @@ Count = Annotated[int, Field(ge=0, lt=2**53)]
 Length = Annotated[float, Field(ge=-1e9, le=1e9)]
 
 
+class MessageError(ValueError):
+    """A message that no page of the design sends; what is wrong with it, in a line of ASCII."""
+
+    def __init__(self, fault: str) -> None:
+        # What is wrong may be quoted, at any length.
+        super().__init__(ascii(fault)[1:110].rstrip("'\""))
+
+
 class _Message(BaseModel):
     model_config = ConfigDict(strict=True, frozen=True, allow_inf_nan=False, extra="forbid")
 
@@ -96,12 +104,11 @@ def read_message(text: str | bytes) -> Message:
     """A message, in which every number is finite and in its range.
 
     Raises:
-        ValueError: the text is no message of the page; what is wrong with it, in one line of ASCII.
+        MessageError: the text is no message of the page.
     """
     try:
         return _MESSAGES.validate_json(text)
     except ValidationError as error:
         fault = error.errors(include_url=False, include_context=False, include_input=False)[0]
         place = ".".join(map(str, fault["loc"])) or "message"
-        # What is wrong may be quoted, at any length.
-        raise ValueError(ascii(f"{place}: {fault['msg']}")[1:110].rstrip("'\"")) from None
+        raise MessageError(f"{place}: {fault['msg']}") from None

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Sequence
-from contextlib import ExitStack
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 from designopt.errors import UserError
 from designopt.io.files import printable, replaced_when_complete
 from designopt.io.spec import SpecFile
+
+FAILING = "-failing"
 
 
 def save_specs(specs: Sequence[SpecFile], folder: Path, fails: Sequence[str] = ()) -> list[Path]:
@@ -28,17 +30,17 @@ def save_specs(specs: Sequence[SpecFile], folder: Path, fails: Sequence[str] = (
     Raises:
         UserError: they cannot be written; none is then.
     """
-    paths = _numbered(folder, [spec.name for spec in specs], "-failing" if fails else "")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UserError(
             f"--out {folder}: cannot be made ({error.strerror}); name another"
         ) from error
+    paths = _reserved(folder, [spec.name for spec in specs], FAILING if fails else "")
     comment = "# This design fails what it is asked for:\n" + "".join(
         f"# {printable(one)}\n" for one in fails
     )
-    with ExitStack() as stack:
+    with _removed_on_failure(paths), ExitStack() as stack:
         for spec, path in zip(specs, paths, strict=True):
             if fails and isinstance(spec.content, str):
                 spec = replace(spec, content=f"{comment}\n{spec.content}")
@@ -46,11 +48,46 @@ def save_specs(specs: Sequence[SpecFile], folder: Path, fails: Sequence[str] = (
     return paths
 
 
+def _reserved(folder: Path, names: Sequence[str], mark: str) -> list[Path]:
+    """Empty files ``folder/stem-N.ending``, made with the first N that is free for all."""
+    while True:
+        made: list[Path] = []
+        try:
+            with _removed_on_failure(made):
+                for path in _numbered(folder, names, mark):
+                    path.touch(exist_ok=False)
+                    made.append(path)
+            return made
+        except FileExistsError:  # somebody else's, made just now
+            continue
+        except OSError as error:
+            raise UserError(
+                f"{error.filename}: cannot be written: {error.strerror}; choose another"
+            ) from error
+
+
 def _numbered(folder: Path, names: Sequence[str], mark: str) -> list[Path]:
-    """Paths ``folder/stem-N.ending`` of file names, with the first N that is free for all."""
+    """Paths with the first number that no file has, be it marked as failing or not."""
     parts = [Path(name) for name in names]
     tried = (
-        [folder / f"{part.stem}-{number}{mark}{part.suffix}" for part in parts]
+        {
+            one: [folder / f"{part.stem}-{number}{one}{part.suffix}" for part in parts]
+            for one in ("", FAILING)
+        }
         for number in itertools.count(1)
     )
-    return next(paths for paths in tried if not any(map(os.path.lexists, paths)))
+    return next(
+        paths[mark]
+        for paths in tried
+        if not any(map(os.path.lexists, itertools.chain(*paths.values())))
+    )
+
+
+@contextmanager
+def _removed_on_failure(paths: Sequence[Path]) -> Iterator[None]:
+    try:
+        yield
+    except BaseException:
+        for path in paths:
+            path.unlink(missing_ok=True)
+        raise

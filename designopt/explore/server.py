@@ -24,7 +24,7 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from designopt.errors import UserError
 from designopt.explore.explorer import Explorer
-from designopt.explore.messages import LONGEST, Signal, read_message
+from designopt.explore.messages import LONGEST, MessageError, Signal, read_message
 from designopt.explore.session import Session
 from designopt.explore.wire import Wire
 
@@ -295,7 +295,7 @@ class Tab(_Guarded, WebSocketHandler):
                 self._answered()
             else:
                 self._site.session.take(self, known)
-        except ValueError as error:
+        except MessageError as error:
             self._site.leave(self)
             self.close(NO_MESSAGE, str(error))
 
@@ -312,7 +312,7 @@ class Tab(_Guarded, WebSocketHandler):
             written.add_done_callback(lambda done: done.cancelled() or done.exception())
 
     def _answered(self) -> None:
-        self._unanswered -= 1
+        self._unanswered = max(0, self._unanswered - 1)
         if self._is_behind and self._unanswered <= 0:
             self._is_behind = False
             self._send_model()

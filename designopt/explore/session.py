@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import sys
 import traceback
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
@@ -18,6 +19,7 @@ from designopt.explore.messages import (
     Limit,
     Lock,
     Message,
+    MessageError,
     Optimise,
     Preset,
     Save,
@@ -38,6 +40,7 @@ REST = 0.3
 LONGEST_HISTORY = 1000
 MOST_PRESETS = 100
 AS_DESIGNED = "as designed"
+CHANGED = "stopped, for the design was changed"
 
 
 @dataclass(frozen=True)
@@ -145,7 +148,7 @@ class Session:
         self._show()
 
     def end(self) -> list[Worker]:
-        """Begin no further computation; returns what still computes."""
+        """Begin no further computation, only save what was asked for; returns what still works."""
         for worker in (workers := [self._picture, self._slow]):
             worker.end()
         return workers
@@ -154,7 +157,7 @@ class Session:
         """Do what a tab asks for.
 
         Raises:
-            ValueError: a name in the message is none of the design's.
+            MessageError: a name in the message is none of the design's.
         """
         match message:
             case SetValues():
@@ -185,20 +188,24 @@ class Session:
                 self._known([measure], self._measures)
                 self._optimise(measure)
             case Save(although_failing=although):
-                values = self._design_values()
-                job = lambda: self._save(values, although)  # noqa: E731
-                self._slow.submit("save", job, self._saved)
+                values = self._now.values
+                self._note("saving …")
+                self._slow.submit(None, lambda: self._save(values, although), self._saved)
 
     def _known(self, names: Iterable[str], among: Iterable[str]) -> None:
         if unknown := set(names) - set(among):
-            raise ValueError(ascii(f"no such name: {min(unknown)}")[1:110].rstrip("'\""))
+            raise MessageError(f"no such name: {min(unknown)}")
 
     @property
     def _now(self) -> Settings:
         return self._history.now
 
+    def _own(self, values: Values) -> dict[str, float]:
+        """Those of the design, without the joints'."""
+        return {name: values[name] for name in self._dimensions}
+
     def _design_values(self) -> dict[str, float]:
-        return {name: self._now.values[name] for name in self._dimensions}
+        return self._own(self._now.values)
 
     def _settings(self) -> Wire:
         past, future = self._history.lengths
@@ -219,9 +226,11 @@ class Session:
         self._change(replace(self._now, values={**self._now.values, **allowed}), gesture)
 
     def _allowed(self, values: Values, *, note: bool = False) -> dict[str, float]:
-        """Values within their bounds, of those that are not locked."""
+        """Values within their bounds, of those that are numbers and not locked."""
         allowed = {}
         for name, value in values.items():
+            if not math.isfinite(value):  # of a drag that leads nowhere
+                continue
             low, high = self._now.bounds[name]
             if name in self._now.locked:
                 if note and value != self._now.values[name]:
@@ -245,22 +254,27 @@ class Session:
             for name in sorted(locked):
                 self._note(f"{message.handle} stays where it is: {self._label(name)} is locked")
             return
-        self._stop("stopped, for the design was changed")
+        self._stop(CHANGED)
         before, place, seqs = self._now, (message.x, message.y), dict(self.seqs)
 
-        def compute() -> tuple[Values, ExplorerState, list[Wire]]:
+        def compute() -> tuple[dict[str, float], ExplorerState, list[Wire]]:
             dragged = self._explorer.drag(before.values, message.handle, place)
-            values = {**before.values, **self._allowed(dragged)}
-            return values, *self._computed(values)
+            own = {name: dragged[name] for name in handles[message.handle] if name in dragged}
+            changed = self._allowed(own)
+            return changed, *self._computed({**before.values, **changed})
 
         def done(future: Future, changes: int = self._changes) -> None:
             if (found := self._result(future)) is None or changes != self._changes:
                 return
-            values, state, panels = found
-            self._change(replace(self._now, values=values), gesture, is_shown=True)
-            self._publish_state(state, panels, seqs)
+            changed, state, panels = found
+            now = {**self._now.values, **changed}
+            self._change(replace(self._now, values=now), gesture, is_shown=True)
+            if now == {**before.values, **changed}:
+                self._publish_state(state, panels, seqs)
+            else:  # another handle was dragged meanwhile
+                self._show()
 
-        self._picture.submit("show", compute, done)
+        self._picture.submit(f"drag {message.handle}", compute, done)
 
     def _limit(self, message: Limit) -> None:
         self._known([message.name], self.parameters)
@@ -295,27 +309,33 @@ class Session:
     def _change(
         self, settings: Settings, gesture: Hashable = None, *, is_shown: bool = False
     ) -> None:
-        self._stop("stopped, for the design was changed")
+        self._stop(CHANGED)
         self._history.change(settings, gesture)
         self._changed(is_shown=is_shown)
 
     def _changed(self, *, is_shown: bool = False) -> None:
         """Show what follows from other settings; a drag's picture is computed with its values."""
-        values = self.model["values"]
+        values = self._own(self.model["values"])
         self._publish(**self._settings())
         if not is_shown:
             self._changes += 1
             self._show()
-        if values != self._now.values:
-            self._judge_soon()
+        if values == self._design_values():
+            return
+        self._judge_soon()
+        if self._search is None and self.model["step"] != CHANGED:
+            self._publish(step="", report=[])  # they are another design's
 
     # What is shown.
 
     def _show(self) -> None:
-        values, seqs = self._now.values, dict(self.seqs)
+        values, seqs, changes = self._now.values, dict(self.seqs), self._changes
 
         def done(future: Future) -> None:
-            if (found := self._result(future)) is not None:
+            found = self._result(future)
+            # Not after the picture of a drag that has ended meanwhile.
+            is_old = changes == self._changes and values != self._now.values
+            if found is not None and not is_old:
                 state, panels = found
                 self._publish_state(state, panels, seqs)
             if self._judged is None and self._rest is None:
@@ -374,6 +394,9 @@ class Session:
         if self._search is not None:  # its last step is judged
             return
         values = self._design_values()
+        if self._judged is not None and self._judged[0] == values:
+            self._publish(judging=False)
+            return
 
         def done(future: Future) -> None:
             if values != self._design_values():
@@ -423,8 +446,8 @@ class Session:
 
     def _save(self, values: Values, although_failing: bool) -> list[Path]:
         """In the second thread: nothing is saved before it is judged."""
-        known = self._judged
-        judged = known[1] if known and known[0] == values else self._design.judge(values)
+        known, own = self._judged, self._own(values)
+        judged = known[1] if known and known[0] == own else self._design.judge(own)
         fails = [self._fault(bound, margin) for bound, margin in self._missed(judged)]
         if fails and not although_failing:
             raise UserError(
@@ -447,6 +470,7 @@ class Session:
 
     def _optimise(self, measure: str) -> None:
         self._stop("stopped")
+        self._changes += 1  # a drag under way would stop it
         locked, bounds = self._now.locked, self._now.bounds
         free = {
             name: bounds[name]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from concurrent.futures import Future
 from contextlib import suppress
 from typing import Any
@@ -16,11 +16,12 @@ Done = Callable[[Future], None]
 class Worker:
     """A thread that computes one job after another, with JAX in float64.
 
-    A job takes the place of one that still waits under the same name.
+    A job takes the place of one that still waits under the same name. One without a name is
+    computed in any case.
     """
 
     def __init__(self) -> None:
-        self._jobs: dict[str, tuple[Job, Done]] = {}
+        self._jobs: dict[Hashable, tuple[Job, Done]] = {}
         self._changed = threading.Condition()
         self._ended = False
         self._loop = asyncio.get_running_loop()
@@ -28,14 +29,15 @@ class Worker:
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
-    def submit(self, name: str, job: Job, done: Done) -> None:
+    def submit(self, name: str | None, job: Job, done: Done) -> None:
         """Compute a job; its result, or what it raised, goes to ``done`` in the event loop."""
         with self._changed:
-            self._jobs[name] = job, done
+            self._jobs.pop(name, None)  # the new one is computed after those that wait
+            self._jobs[object() if name is None else name] = job, done
             self._changed.notify()
 
     def end(self) -> None:
-        """Begin no further job."""
+        """Begin no further job that has a name."""
         with self._changed:
             self._ended = True
             self._changed.notify()
@@ -61,4 +63,5 @@ class Worker:
     def _next(self) -> tuple[Job, Done] | None:
         with self._changed:
             self._changed.wait_for(lambda: self._jobs or self._ended)
-            return None if self._ended else self._jobs.pop(next(iter(self._jobs)))
+            waiting = [one for one in self._jobs if not (self._ended and isinstance(one, str))]
+            return self._jobs.pop(waiting[0]) if waiting else None

@@ -178,6 +178,9 @@ class ParametricDesign(abc.ABC):
     def files(self, values: Values) -> Sequence[SpecFile]:
         """The files that describe the design, which the other commands read.
 
+        Args:
+            values: of all parameters; also of an explorer's joints where they show a pose.
+
         Raises:
             UserError: these values give no design, and why.
         """

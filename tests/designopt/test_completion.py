@@ -39,6 +39,8 @@ def completed(line: str, cwd=None) -> list[str]:
         ("designopt new boa", ["board"]),
         ("designopt run table1 --dtype ", ["float64", "float32"]),
         ("designopt export finger --to st", ["step"]),
+        ("designopt explore finger-g", ["finger-grasp"]),
+        ("designopt explore table1 --set cl", ["clearance="]),
         ("designopt run nosuch --set c", []),
     ],
 )

@@ -69,6 +69,8 @@ export class Inputs {
         if (Number.isFinite(field.valueAsNumber)) action(event);
         this.showRow(row);
       });
+      // What was typed and taken back is no change.
+      field.addEventListener('blur', () => { field.typed = false; this.showRow(row); });
     };
     entered(number, (event) => set(number.valueAsNumber, event));
     const bound = () => send({

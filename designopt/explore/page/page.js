@@ -113,7 +113,7 @@ socket.addEventListener('close', ({ reason }) => {
 function announce() {
   const readouts = (model.readouts ?? []).map(([name, value, unit]) => `${name} ${withUnit(value, unit)}`);
   const missed = model.requirements.filter((row) => row[3] === false).map((row) => `not met: ${row[0]}`);
-  const text = [...readouts, ...missed].join('; ');
+  const text = [model.message, ...readouts, ...missed, model.step].filter(Boolean).join('; ');
   if (find('announcer').textContent !== text) find('announcer').textContent = text;
 }
 
@@ -182,6 +182,7 @@ find('saving').addEventListener('submit', (event) => {
   send({ type: 'save', although_failing: find('although-failing').checked });
 });
 document.addEventListener('keydown', (event) => {
+  if (event.key === 'Escape') find('tip').hidden = true;
   // In a text, these keys undo what was typed.
   if (!(event.ctrlKey || event.metaKey) || event.target.matches('[type=text], [type=number]')) return;
   const key = event.key.toLowerCase();

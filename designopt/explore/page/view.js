@@ -7,11 +7,15 @@ const PAPER = 5.5; // pixels of the screen for a millimetre of line width on pap
 const ROOM = 26; // pixels around what is fitted
 const NEAR = 7; // pixels from a line at which it is hovered
 const STEP = 1.25;
+const [SMALLEST, LARGEST] = [1e-3, 1e6]; // pixels for a millimetre, unless what is fitted needs others
+const FARTHEST = 1e9; // mm, the most that a message may hold
 const WIDTH_OF_LETTER = 7.5; // pixels, of labels
 const NO_ROOM = 2; // labels or pins that a label would cover
 const AROUND = [
   [9, -9], [-9, -9], [9, 17], [-9, 17], [13, 4], [-13, 4], [0, -13], [0, 22], [9, -24], [-9, -24], [9, 32], [-9, 32],
 ];
+
+const within = (least, value, most) => Math.min(Math.max(value, least), most);
 
 export class View {
   constructor(name, link) {
@@ -43,7 +47,9 @@ export class View {
   // Take what has changed of the drawing.
   take(change) {
     for (const [index, shape] of change.changed ?? []) {
-      this.shapes[index] = this.parsed(shape);
+      const [before, now] = [this.shapes[index], this.parsed(shape)];
+      if (before.layer !== now.layer || !before.circle !== !now.circle) this.isNew = true;
+      this.shapes[index] = now;
       this.dirty.add(index);
     }
     for (const key of ['box', 'layers', 'labels', 'handles', 'notes']) {
@@ -131,14 +137,17 @@ export class View {
   }
 
   zoom(factor, x = this.stage.clientWidth / 2, y = this.stage.clientHeight / 2) {
+    if (this.scale === undefined) return;
     this.fitted = false;
-    this.scale *= factor;
-    this.x = x - factor * (x - this.x);
-    this.y = y - factor * (y - this.y);
+    const scale = within(SMALLEST, this.scale * factor, LARGEST);
+    this.x = x - (scale / this.scale) * (x - this.x);
+    this.y = y - (scale / this.scale) * (y - this.y);
+    this.scale = scale;
     this.refresh();
   }
 
   pan(x, y) {
+    if (this.scale === undefined) return;
     this.fitted = false;
     this.x += x;
     this.y += y;
@@ -255,7 +264,8 @@ export class View {
       stage.setPointerCapture(event.pointerId);
       this.pointers.set(event.pointerId, at(event));
       const grabbed = event.target.handle;
-      if (grabbed && this.pointers.size === 1) {
+      if (this.pointers.size > 1) this.grabbed = null; // two fingers zoom, whatever the first is on
+      else if (grabbed) {
         const locked = this.lockedOf(grabbed.parameters);
         if (locked.length) tell(event, `${grabbed.name} stays where it is: ${this.labelsOf(locked)} locked`);
         else this.grabbed = grabbed.name;
@@ -270,7 +280,7 @@ export class View {
       const now = at(event);
       this.pointers.set(event.pointerId, now);
       if (this.grabbed) {
-        const [x, y] = this.inWorld(...now);
+        const [x, y] = this.inWorld(...now).map((one) => within(-FARTHEST, one, FARTHEST));
         this.link.sendChange({ type: 'drag', handle: this.grabbed, x, y: -y }, event);
       } else if (this.pointers.size === 2) {
         this.pinch(event.pointerId, before, now);
@@ -290,7 +300,6 @@ export class View {
         '+': () => this.zoom(STEP), '=': () => this.zoom(STEP), '-': () => this.zoom(1 / STEP), 0: () => this.fit(),
         ArrowLeft: () => this.pan(40, 0), ArrowRight: () => this.pan(-40, 0),
         ArrowUp: () => this.pan(0, 40), ArrowDown: () => this.pan(0, -40),
-        Escape: () => { find('tip').hidden = true; },
       }[event.key];
       if (!action || event.ctrlKey || event.metaKey || event.altKey) return;
       event.preventDefault();

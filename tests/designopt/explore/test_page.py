@@ -5,6 +5,7 @@ import math
 import sys
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from PIL import Image
 
 from designopt.explore.explorer import number_text
 from designopt.explore.server import MOST_TABS, _redirect_file
+from designopt.export.drawing import Circle
 from designopt.export.svg import path_data
 from tests.designopt.explore.served import driven_browser, served
 from tests.designopt.explore.slider_crank import MARKUP, SliderCrank, Step, draw, place
@@ -217,6 +219,14 @@ def test_a_finger_drags_a_handle_and_two_fingers_zoom(visit, site):
     touch("touchMove", (60, 150), (260, 150))
     touch("touchEnd")
     assert page.evaluate(scale) == pytest.approx(2 * before, rel=0.02)
+    before, values = page.evaluate(scale), site.values
+    x, y = center(page, ".grip")
+    touch("touchStart", (x, y))
+    touch("touchStart", (x, y), (x - 60, y))
+    touch("touchMove", (x, y), (x - 120, y))
+    touch("touchEnd")
+    assert page.evaluate(scale) == pytest.approx(2 * before, rel=0.02)
+    assert site.values == values
 
 
 @pytest.mark.parametrize("width", [390, 320])
@@ -297,7 +307,7 @@ def test_the_keyboard_alone_turns_optimises_and_saves(visit, site, tmp_path):
     announced = page.locator("#announcer")
     page.wait_for_timeout(1200)
     assert announced.inner_text() == f"slider's place {number_text(place(site.values))} mm; " + (
-        f"rod to crank {number_text(70 / site.values['radius'])}"
+        f"rod to crank {number_text(70 / site.values['radius'])}; done"
     )
 
 
@@ -360,12 +370,52 @@ def test_bounds_presets_and_numbers(visit, site):
     wait(lambda: site.values["radius"] == 50)
 
 
+def test_a_field_that_is_left_as_it_was_shows_values_again(visit, site):
+    page = visit(site)
+    settled(page)
+    drag_slider(page, "radius", 0.3, 0.6)
+    wait(lambda: site.values["radius"] > 50)
+    number = page.get_by_role("spinbutton", name="radius in mm", exact=True)
+    number.focus()
+    number.press("End")
+    number.press("1")
+    number.press("Backspace")
+    number.press("Tab")
+    page.get_by_role("button", name="Undo").click()
+    wait(lambda: number.input_value() == "31.37")
+
+
+def test_a_part_that_changes_its_layer_or_kind_is_drawn_so(visit, tmp_path):
+    class Changing(SliderCrank):
+        """Where the crank is beyond 90°, its last line is drawn as the rim, and as a circle."""
+
+        def view(self, values):
+            view = super().view(values)
+            if values["crank"] <= 90.0:
+                return view
+            lines, circles = view.drawing.polylines, view.drawing.circles
+            circle = Circle("rim", "", (0.0, 0.0), 3.0)
+            drawing = view.drawing._replace(polylines=lines[:-1], circles=[circle, *circles])
+            return replace(view, drawing=drawing)
+
+    counts = """() => [...document.querySelectorAll('.view svg > g:first-child > g')].map((one) =>
+        ["path", "circle"].map((kind) => one.querySelectorAll(kind).length))"""
+    with served(Changing(), tmp_path) as site:
+        page = visit(site)
+        settled(page)
+        assert page.evaluate(counts) == [[1, 0], [1, 1], [1, 1], [1, 0]]
+        drag_slider(page, "crank", 0.1, 0.5)
+        wait(lambda: page.evaluate(counts) == [[1, 1], [1, 1], [1, 1], [0, 0]])
+
+
 def test_hovering_names_a_part_and_its_numbers(visit, site):
     page = visit(site)
     settled(page)
     tip, slide = center(page, ".handle"), center(page, ".handle", 1)
     page.mouse.move(*np.mean([tip, slide], axis=0))
     assert page.locator("#tip").inner_text() == "coupler\nturns about μ₁\n70 mm long"
+    page.get_by_role("button", name="Store").press("Escape")
+    assert page.locator("#tip").is_hidden()
     page.get_by_text("Parts and their numbers").click()
     assert "radius 31.37 mm" in page.locator(".parts dl").inner_text()
 
@@ -390,6 +440,9 @@ def test_zoom_by_wheel_buttons_and_keys_and_fit(visit, site):
         page.locator(".stage").first.press(undo)
     page.locator(".stage").first.press("0")
     assert page.evaluate(transform) == fitted
+    for _ in range(40):
+        page.mouse.wheel(0, 1000)
+    wait(lambda: page.evaluate(transform).startswith("matrix(0.001 0 0 0.001 "))
 
 
 def pixels(data):

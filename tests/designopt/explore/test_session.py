@@ -2,14 +2,19 @@
 
 import asyncio
 import math
+import os
 import sys
+import threading
+from pathlib import Path
 
 import pytest
 
 from designopt.errors import UserError
 from designopt.explore import session as sessions
-from designopt.explore.messages import read_message
+from designopt.explore.messages import MessageError, read_message
+from designopt.explore.saving import save_specs
 from designopt.explore.session import History, Session, Settings
+from designopt.explore.wire import encode_panels
 from designopt.io.spec import SpecFile
 from tests.designopt.explore import slider_crank
 from tests.designopt.explore.slider_crank import LOCKED, SliderCrank
@@ -117,6 +122,70 @@ def test_a_drag_under_way_does_not_overwrite_what_is_undone(run):
     run(guest)
 
 
+def test_handles_dragged_at_once_keep_what_each_has_changed(run, monkeypatch):
+    explorer = SliderCrank()
+    drag, may_go_on = explorer.drag, threading.Event()
+
+    def wait(*given):
+        assert may_go_on.wait(20)
+        return drag(*given)
+
+    async def guest(session, say, until):
+        monkeypatch.setattr(explorer, "drag", wait)
+        say("{'type':'drag','handle':'tip','x':0,'y':60,'seq':1,'gesture':1}")
+        say("{'type':'drag','handle':'slider','x':99,'y':0,'seq':2,'gesture':2}", "other")
+        may_go_on.set()
+        await until(lambda model: model["values"]["crank"] == 90.0)
+        await until(lambda model: model["values"]["rod"] != 70.0)
+        values = session.model["values"]
+        assert (values["crank"], values["radius"]) == (90.0, 60.0)
+        wanted = encode_panels(SliderCrank().show(values).panels)
+        await until(lambda model: model["panels"] == wanted)
+        assert session.seqs == {"tab": 1, "other": 2}
+
+    run(guest, explorer)
+
+
+def test_a_drag_under_way_does_not_stop_what_is_begun_after_it(run):
+    async def guest(session, say, until):
+        say("{'type':'drag','handle':'slider','x':99,'y':0,'seq':1,'gesture':1}")
+        say("{'type':'optimise','measure':'stroke'}")
+        await until(lambda model: model["report"])
+        assert session.model["step"] == "done"
+
+    run(guest)
+
+
+def test_a_drag_that_leads_nowhere_changes_nothing(run, monkeypatch):
+    explorer = SliderCrank()
+    dragged = {"crank": math.nan, "radius": 33.0}
+    monkeypatch.setattr(explorer, "drag", lambda values, *_: {**values, **dragged})
+
+    async def guest(session, say, until):
+        say("{'type':'drag','handle':'tip','x':0,'y':60,'seq':1,'gesture':1}")
+        await until(lambda model: model["values"]["radius"] == 33.0)
+        assert session.model["values"]["crank"] == 40.0
+
+    run(guest, explorer)
+
+
+def test_a_pose_is_not_judged_and_a_design_judged_before_not_again(run):
+    explorer = SliderCrank()
+    judge, judged = explorer.design.judge, []
+    explorer.design.judge = lambda values: judged.append(values) or judge(values)
+
+    async def guest(session, say, until):
+        say(set_("crank", 50))
+        assert not session.model["judging"]
+        say(set_("rod", 71))
+        say("{'type':'undo'}")
+        assert session.model["judging"]
+        await until(lambda model: not model["judging"])
+        assert judged == [SliderCrank().design.values()]
+
+    run(guest, explorer)
+
+
 def test_requirements_are_judged_after_rest_with_their_margins(run):
     async def guest(session, say, until):
         assert session.model["measured"]["stroke"] == "62.74 mm"
@@ -166,17 +235,76 @@ def test_files_are_numbered_and_marked_where_the_design_fails(run, tmp_path):
         say("{'type':'save','although_failing':true}")
         await until(lambda model: model["note"].startswith("saved crank-2.toml and raw-2.bin in"))
         text = (tmp_path / "crank-2.toml").read_text()
-        assert text == "radius = 31.37\nrod = 70.0\noffset = 0.0\n"
+        assert text == "crank = 40.0\nradius = 31.37\nrod = 70.0\noffset = 0.0\n"
         say(set_("radius", 60))
         say("{'type':'save','although_failing':false}")
         await until(lambda model: model["note_is_fault"])
         assert "not saved, for it fails 1 of 1 requirements: rod within" in session.model["note"]
         say("{'type':'save','although_failing':true}")
-        await until(lambda model: model["note"].startswith("saved crank-1-failing.toml"))
-        assert (tmp_path / "raw-1-failing.bin").read_bytes() == b"\x00"
-        assert len(list(tmp_path.iterdir())) == 5
+        await until(lambda model: model["note"].startswith("saved crank-3-failing.toml"))
+        assert (tmp_path / "raw-3-failing.bin").read_bytes() == b"\x00"
+        say("{'type':'undo'}")
+        say("{'type':'save','although_failing':false}")
+        await until(lambda model: model["note"].startswith("saved crank-4.toml"))
+        assert len(list(tmp_path.iterdir())) == 7
 
     run(guest)
+
+
+def test_saves_that_wait_are_all_written_even_at_the_end(run, tmp_path):
+    explorer = SliderCrank()
+    judge, may_go_on = explorer.design.judge, threading.Event()
+
+    def wait(values):
+        assert may_go_on.wait(20)
+        return judge(values)
+
+    async def guest(session, say, until):
+        explorer.design.judge = wait
+        for value in (41, 42, 43):
+            say(set_("rod", 30 + value))
+            say("{'type':'save','although_failing':true}")
+            assert session.model["note"] == "saving …"
+        session.end()
+        may_go_on.set()
+
+    run(guest, explorer)
+    texts = [(tmp_path / f"crank-{number}.toml").read_text() for number in (1, 2, 3)]
+    assert [text.splitlines()[2] for text in texts] == ["rod = 71.0", "rod = 72.0", "rod = 73.0"]
+
+
+def test_a_file_that_appears_meanwhile_is_not_replaced(monkeypatch, tmp_path):
+    touch = Path.touch
+
+    def touch_late(path, **options):
+        if path.name == "b-1.toml":
+            monkeypatch.undo()
+            path.write_text("another's")
+        touch(path, **options)
+
+    monkeypatch.setattr(Path, "touch", touch_late)
+    specs = [SpecFile(name, "", "x = 1") for name in ("a.toml", "b.toml")]
+    paths = save_specs(specs, tmp_path)
+    assert [path.name for path in paths] == ["a-2.toml", "b-2.toml"]
+    assert (tmp_path / "b-1.toml").read_text() == "another's"
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_no_half_of_a_set_is_left(monkeypatch, tmp_path):
+    replace, replaced = os.replace, []
+
+    def replace_once(*paths):
+        if replaced:
+            raise OSError(28, "No space left on device")
+        replaced.append(paths)
+        replace(*paths)
+
+    monkeypatch.setattr(os, "replace", replace_once)
+    specs = [SpecFile(name, "", "x = 1") for name in ("a.toml", "b.toml")]
+    with pytest.raises(UserError, match="No space left"):
+        save_specs(specs, tmp_path)
+    assert replaced
+    assert not list(tmp_path.iterdir())
 
 
 def test_nothing_is_written_where_one_file_cannot_be(run, tmp_path):
@@ -199,8 +327,13 @@ def test_an_optimisation_changes_what_is_free_within_its_bounds(run):
         await until(lambda model: model["report"])
         assert session.model["values"]["radius"] == 40.0
         assert session.model["optimising"] == ""
+        say(set_("crank", 50))
+        assert session.model["step"] == "done"
+        assert session.model["report"]
+        say("{'type':'undo'}")
         say("{'type':'undo'}")
         assert session.model["values"]["radius"] == 31.37
+        assert (session.model["step"], session.model["report"]) == ("", [])
         for name in ("radius", "rod", "offset"):
             say(f"{{'type':'lock','name':'{name}','locked':true}}")
         say("{'type':'optimise','measure':'stroke'}")
@@ -241,7 +374,7 @@ UNKNOWN = [
 def test_names_that_a_design_has_not_are_refused(run):
     async def guest(session, say, until):
         for text in UNKNOWN:
-            with pytest.raises(ValueError, match="no such name: nose"):
+            with pytest.raises(MessageError, match="no such name: nose"):
                 say(text)
 
     run(guest)
