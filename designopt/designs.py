@@ -48,6 +48,11 @@ def load_design(named: str, settings: Sequence[str] = (), configs: Sequence[Path
 
     Raises:
         UserError: there is no such thing, or it has no design to show.
+
+    Example:
+        >>> design = load_design("studies/gallery/linkages/four-bar.toml")
+        >>> design.name, design.kind.name
+        ('four-bar', 'linkage')
     """
     kind, path = kind_of(named), Path(named)
     if kind == "study":

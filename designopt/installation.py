@@ -12,17 +12,19 @@ import importlib.util
 import re
 from collections.abc import Iterator, Sequence
 from importlib.metadata import (
-    Distribution,
     PackageNotFoundError,
-    PackagePath,
     distribution,
     distributions,
 )
 from pathlib import Path
+from typing import Any
 
 DISTRIBUTION = "designopt"
 
 PACKAGES = ("designopt", "kinematics", "optics", "perception", "studies")
+
+AnyDistribution = Any
+"""A distribution, or what a backport of the standard library's module has in place of one."""
 
 REINSTALL = f"pip install --force-reinstall --no-deps {DISTRIBUTION}"
 
@@ -40,7 +42,7 @@ def find_clashes() -> list[str]:
     return [line for line in lines if line]
 
 
-def _shadowed(package: str, others: Sequence[Distribution]) -> str:
+def _shadowed(package: str, others: Sequence[AnyDistribution]) -> str:
     """What is imported in place of a package; empty if that is the one beside this file."""
     ours = Path(__file__).resolve().parents[1] / package
     try:
@@ -64,7 +66,7 @@ def _shadowed(package: str, others: Sequence[Distribution]) -> str:
     )
 
 
-def _overwritten(package: str, others: Sequence[Distribution]) -> str:
+def _overwritten(package: str, others: Sequence[AnyDistribution]) -> str:
     """Which distribution has overwritten files of a package; empty if all are as installed."""
     try:
         ours = distribution(DISTRIBUTION)
@@ -91,18 +93,18 @@ def _overwritten(package: str, others: Sequence[Distribution]) -> str:
     )
 
 
-def _cure(other: Distribution) -> str:
+def _cure(other: AnyDistribution) -> str:
     return f"uninstall it and reinstall designopt: pip uninstall {other.name} && {REINSTALL}"
 
 
-def _files(of: Distribution, package: str) -> Iterator[PackagePath]:
+def _files(of: AnyDistribution, package: str) -> Iterator[Any]:
     """The files that a distribution lists for an importable package or module."""
     for file in of.files or ():
         if file.parts[0] == package or file.parts == (f"{package}.py",):
             yield file
 
 
-def _place(of: Distribution, file: PackagePath) -> Path:
+def _place(of: AnyDistribution, file: Any) -> Path:
     return Path(str(of.locate_file(file))).resolve()
 
 

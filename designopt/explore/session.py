@@ -29,7 +29,7 @@ from designopt.explore.messages import (
 from designopt.explore.saving import save_specs
 from designopt.explore.wire import Wire, changed_fields, encode_panels, finite
 from designopt.explore.worker import Worker
-from designopt.optimize.parametric import TOLERANCE, Bound, Parameter, Values, shortfalls
+from designopt.optimize.parametric import TOLERANCE, MeasureBound, Parameter, Values, shortfalls
 
 if TYPE_CHECKING:
     from designopt.optimize.design_search import SearchStep
@@ -422,7 +422,7 @@ class Session:
         rows = []
         missed = [bound for bound, _ in self._missed(judged)]
 
-        def nearness(bound: Bound) -> float:
+        def nearness(bound: MeasureBound) -> float:
             measure = self._measures[bound.measure]
             return bound.margin(judged[bound.measure]) / measure.scale
 
@@ -456,10 +456,10 @@ class Session:
             )
         return save_specs(self._design.files(values), self._folder, fails)
 
-    def _missed(self, judged: Mapping[str, float]) -> list[tuple[Bound, float]]:
-        return shortfalls(self._design, judged, self._design.requirements)
+    def _missed(self, judged: Mapping[str, float]) -> list[tuple[MeasureBound, float]]:
+        return shortfalls(self._design.measures, judged, self._design.requirements)
 
-    def _fault(self, bound: Bound, margin: float) -> str:
+    def _fault(self, bound: MeasureBound, margin: float) -> str:
         missed = _with_unit(abs(margin), self._measures[bound.measure].unit)
         return f"{bound} (missed by {missed})"
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from designopt.errors import UserError
 from designopt.optimize.design_search import DesignSearch, free_parameters
-from designopt.optimize.parametric import Bound, ParametricDesign
+from designopt.optimize.parametric import MeasureBound, ParametricDesign
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Asked:
     objective: str
     free: tuple[str, ...]
     bounds: Mapping[str, tuple[float | None, float | None]]
-    keep: tuple[Bound, ...]
+    keep: tuple[MeasureBound, ...]
 
     @classmethod
     def of(
@@ -41,7 +41,7 @@ class Asked:
             maximise: name of a measure whose least value counts.
             minimise: name of one whose greatest value counts; not both.
             free: ``NAME`` or ``NAME=low:high``, either end of which may be left out.
-            keep: requirements; see `Bound.parse`.
+            keep: requirements; see `MeasureBound.parse`.
 
         Raises:
             UserError: a text is of another form, or both measures are given.
@@ -60,7 +60,7 @@ class Asked:
             names.append(name.strip())
             if equals:
                 bounds[name.strip()] = parse_range(f"--free {text}", ends)
-        bounded = tuple(Bound.parse(text) for text in keep)
+        bounded = tuple(MeasureBound.parse(text) for text in keep)
         return cls(maximise or minimise or "", tuple(names), bounds, bounded)
 
     def search(self, design: ParametricDesign, maximise: bool | None = None) -> DesignSearch:

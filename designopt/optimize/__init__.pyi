@@ -9,7 +9,7 @@ from .optimality import (
     explain_shortfall,
     find_active_set,
 )
-from .parametric import Bound, Measure, Parameter, ParametricDesign, Values, shortfalls
+from .parametric import Measure, MeasureBound, Parameter, ParametricDesign, Values, shortfalls
 from .problem import (
     BOUND,
     EpigraphVariables,
@@ -29,13 +29,13 @@ __all__ = [
     "BOUND",
     "FEASIBLE",
     "Active",
-    "Bound",
     "EpigraphVariables",
     "Evaluation",
     "Evolution",
     "Iterate",
     "Iteration",
     "Measure",
+    "MeasureBound",
     "Method",
     "Minimizer",
     "Optima",

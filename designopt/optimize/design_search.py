@@ -30,8 +30,8 @@ from designopt.errors import UserError
 from designopt.optimize.flat import column_slopes
 from designopt.optimize.optimality import STATIONARY, Active
 from designopt.optimize.parametric import (
-    Bound,
     Measure,
+    MeasureBound,
     ParametricDesign,
     Values,
     shortfalls,
@@ -107,20 +107,20 @@ class SearchResult:
 
     objective: str
     free: dict[str, tuple[float, float]]
-    keep: tuple[Bound, ...]
+    keep: tuple[MeasureBound, ...]
     before: dict[str, float]
     values: dict[str, float]
     judged_before: dict[str, float]
     judged: dict[str, float]
     active: tuple[Active, ...]
     slopes: dict[str, dict[str, float]]
-    missed: tuple[tuple[Bound, float], ...]
+    missed: tuple[tuple[MeasureBound, float], ...]
     conflict: tuple[str, ...]
     is_optimum: bool
     why: str
 
     @property
-    def labels(self) -> dict[str, Bound]:
+    def labels(self) -> dict[str, MeasureBound]:
         """The requirements by the names that `active` has for them."""
         return dict(zip(_labels(self.keep), self.keep, strict=True))
 
@@ -236,7 +236,7 @@ def free_parameters(
     return {name: found[name] for name in known if name in found}
 
 
-def check_bounds(design: ParametricDesign, keep: Sequence[Bound]) -> None:
+def check_bounds(design: ParametricDesign, keep: Sequence[MeasureBound]) -> None:
     """Refuse requirements that nothing can meet, before anything is compiled.
 
     Raises:
@@ -331,7 +331,7 @@ class DesignSearch:
         design: ParametricDesign,
         objective: str,
         free: Mapping[str, tuple[float, float]],
-        keep: Sequence[Bound] = (),
+        keep: Sequence[MeasureBound] = (),
     ) -> None:
         """Nothing is compiled yet.
 
@@ -390,7 +390,7 @@ class DesignSearch:
         if not ends:
             nearest = min((self._at(b, full, reserve) for b in begins), key=lambda p: p.missing)
             # A start that is judged to meet everything has no conflict.
-            is_met = start[1] and not shortfalls(self.design, start[1], self.keep)
+            is_met = start[1] and not shortfalls(self.design.measures, start[1], self.keep)
             conflict = () if is_met else self._conflict(nearest)
             why = "no design near was found that meets all requirements"
             yield self._finish(values, before, *start, None, conflict, why)
@@ -404,7 +404,7 @@ class DesignSearch:
                 best, best_judged, best_point = named, judged, found
             elif best_point is None and np.allclose(found.place, place, rtol=0.0, atol=1e-9):
                 best_point = found  # it began at an optimum
-            missed = shortfalls(self.design, judged, self.keep) if judged else []
+            missed = shortfalls(self.design.measures, judged, self.keep) if judged else []
             if not missed or again == ROUNDS:
                 break
             for bound, margin in missed:
@@ -458,7 +458,7 @@ class DesignSearch:
         )
 
     @functools.cached_property
-    def _rows(self) -> list[tuple[str, Bound, tuple[int, ...]]]:
+    def _rows(self) -> list[tuple[str, MeasureBound, tuple[int, ...]]]:
         """Of every margin: its requirement with its name, and the index in that measure's array."""
         shapes = jax.eval_shape(
             lambda values: self.design.evaluate(values, self._asked),
@@ -563,7 +563,7 @@ class DesignSearch:
             judged=judged,
             active=active,
             slopes={} if found is None else self._slopes(found),
-            missed=tuple(shortfalls(self.design, judged, self.keep)) if judged else (),
+            missed=tuple(shortfalls(self.design.measures, judged, self.keep)) if judged else (),
             conflict=conflict,
             is_optimum=residual <= STATIONARY,
             why=why,
@@ -631,10 +631,10 @@ class DesignSearch:
             found[name] = dict(zip(self.free, row.tolist(), strict=True))
         return found
 
-    def _words(self, bound: Bound, index: tuple[int, ...]) -> str:
+    def _words(self, bound: MeasureBound, index: tuple[int, ...]) -> str:
         return " ".join(filter(None, (str(bound), self._measure(bound).where(index))))
 
-    def _measure(self, bound: Bound) -> Measure:
+    def _measure(self, bound: MeasureBound) -> Measure:
         return find_measure(self.design, bound.measure)
 
     # -- what it is worth -----------------------------------------------------------------------
@@ -654,7 +654,7 @@ class DesignSearch:
         """Greater is better: a design at all, what it misses, what it reaches."""
         if not judged:
             return 0, 0.0, 0.0
-        missed = shortfalls(self.design, judged, self.keep)
+        missed = shortfalls(self.design.measures, judged, self.keep)
         parts = [margin / self._measure(bound).scale for bound, margin in missed]
         worst = min((part if math.isfinite(part) else -math.inf for part in parts), default=0.0)
         value = judged[self.objective.name] / self.objective.scale
@@ -759,7 +759,7 @@ def search(
     values: Values,
     objective: str,
     free: Mapping[str, tuple[float, float]],
-    keep: Sequence[Bound] = (),
+    keep: Sequence[MeasureBound] = (),
 ) -> Iterator[SearchStep]:
     """Improve a design from where it stands; see `DesignSearch`.
 
@@ -781,7 +781,7 @@ def amount_text(value: float, unit: str) -> str:
     return f"{value:.4g}{'' if unit in ('', '°') else ' '}{unit}"
 
 
-def _labels(keep: Sequence[Bound]) -> list[str]:
+def _labels(keep: Sequence[MeasureBound]) -> list[str]:
     """Names of requirements, of which two may be on one measure."""
     return [f"{number} {bound.measure}" for number, bound in enumerate(keep)]
 

@@ -76,7 +76,7 @@ Relation = Literal[">=", "<="]
 
 
 @dataclass(frozen=True)
-class Bound:
+class MeasureBound:
     """A requirement: a measure that must be at least, or at most, some value.
 
     Attributes:
@@ -92,7 +92,7 @@ class Bound:
     label: str = ""
 
     @classmethod
-    def parse(cls, text: str) -> Bound:
+    def parse(cls, text: str) -> MeasureBound:
         """The requirement that a person writes, such as ``mu.B>=40``.
 
         Args:
@@ -102,7 +102,7 @@ class Bound:
             UserError: it is not of that form.
 
         Example:
-            >>> Bound.parse("mu.B >= 40").value
+            >>> MeasureBound.parse("mu.B >= 40").value
             40.0
         """
         found = re.fullmatch(r"\s*(\S|\S.*?\S)\s*(>=|<=|≥|≤)\s*(\S+)\s*", text)
@@ -146,7 +146,7 @@ class ParametricDesign(abc.ABC):
     """Names of the parameters that an optimisation may change unless others are named; ``None``:
     all of them."""
 
-    requirements: tuple[Bound, ...]
+    requirements: tuple[MeasureBound, ...]
     """What the design itself asks for; every optimisation keeps it."""
 
     @abc.abstractmethod
@@ -195,16 +195,22 @@ class ParametricDesign(abc.ABC):
 
 
 def shortfalls(
-    design: ParametricDesign, judged: Mapping[str, float], keep: Iterable[Bound]
-) -> list[tuple[Bound, float]]:
+    measures: Iterable[Measure], judged: Mapping[str, float], keep: Iterable[MeasureBound]
+) -> list[tuple[MeasureBound, float]]:
     """The requirements that a judged design misses, each with its margin (negative), worst first.
 
     Args:
-        design: whose measures they are.
+        measures: of the design.
         judged: what `ParametricDesign.judge` returned.
         keep: the requirements.
+
+    Example:
+        >>> measures = [Measure("mu", "°", "transmission angle")]
+        >>> keep = [MeasureBound("mu", ">=", 40.0), MeasureBound("mu", ">=", 30.0)]
+        >>> [(str(bound), margin) for bound, margin in shortfalls(measures, {"mu": 38.0}, keep)]
+        [('mu >= 40', -2.0)]
     """
-    scales = {measure.name: measure.scale for measure in design.measures}
+    scales = {measure.name: measure.scale for measure in measures}
     margins = [(bound, bound.margin(judged[bound.measure])) for bound in keep]
     missed = [
         (bound, margin)

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from designopt.errors import UserError
 from designopt.io.spec import SpecFile
-from designopt.optimize.parametric import Bound, Measure, Parameter, ParametricDesign, Values
+from designopt.optimize.parametric import Measure, MeasureBound, Parameter, ParametricDesign, Values
 from kinematics.io.designed import DesignedLinkage
 from kinematics.io.reading import parse_linkage
 from kinematics.model.assembled import zeroed
@@ -150,7 +150,7 @@ class LinkageDesign(ParametricDesign):
         return found
 
     @functools.cached_property
-    def requirements(self) -> tuple[Bound, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def requirements(self) -> tuple[MeasureBound, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
         """Every pose of the range assembles, and every body's distances make triangles.
 
         Of a linkage whose file touches a change point, or almost does, half of its own margin is
@@ -160,11 +160,11 @@ class LinkageDesign(ParametricDesign):
         own = self._judged_poses(self.designed)[1].min()
         if -TOUCHING * self._greatest < own < 2 * least:
             least = own / 2 if own > TOUCHING * self._greatest else -TOUCHING * self._greatest
-        found = [Bound("margin", ">=", least, "every pose of the range assembles")]
+        found = [MeasureBound("margin", ">=", least, "every pose of the range assembles")]
         if self._triangles:
             own = float(np.min(np.asarray(self.dimensions.slack(jnp.asarray(self.designed)))))
             least = min(LEAST_SLACK, own / 2)
-            found.append(Bound("triangles", ">=", least, "the distances of every body fit"))
+            found.append(MeasureBound("triangles", ">=", least, "the distances of every body fit"))
         return tuple(found)
 
     # -- the range in which it works ------------------------------------------------------------

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 from designopt.errors import UserError
 from designopt.io.spec import SpecFile
-from designopt.optimize.parametric import Bound, Measure, Parameter, ParametricDesign, Values
+from designopt.optimize.parametric import Measure, MeasureBound, Parameter, ParametricDesign, Values
 from designopt.solution import Solution
 from optics.chamber.chamber import Chamber
 from optics.chamber.designed import DesignedChamber
@@ -52,7 +52,7 @@ SHORTEST, LONGEST = 0.25, 2.0
 SHIFT = 0.05
 """How far a signed offset goes either way, in units of the chamber's length."""
 
-ROOM = Bound("room", ">=", 0.0, "B, C and D inside Δl_A")
+ROOM = MeasureBound("room", ">=", 0.0, "B, C and D inside Δl_A")
 """Paper A's requirement for D (|Δl_D| inside Δl_A, §II.A) asked of all three: a reading."""
 
 RINGS = ("ring_blue", "ring_yellow", "ring_top")

@@ -20,7 +20,7 @@ from designopt.io.spec import SpecFile
 from designopt.io.spec_files import validated
 from designopt.io.toml_writing import format_toml
 from designopt.numerics import safe_sqrt
-from designopt.optimize.parametric import Bound, Measure, Parameter, ParametricDesign, Values
+from designopt.optimize.parametric import Measure, MeasureBound, Parameter, ParametricDesign, Values
 from optics.parametric.scene_measures import (
     find_module_room,
     find_resolution,
@@ -150,7 +150,7 @@ class SceneParameters(ParametricDesign):
         self.measures = tuple(self._measures())
 
     @functools.cached_property
-    def requirements(self) -> tuple[Bound, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def requirements(self) -> tuple[MeasureBound, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
         """As much is seen of every pad as now, blur is within its limit, the module is free.
 
         Of a pad that the design misses altogether in some posture nothing is asked.
@@ -161,16 +161,16 @@ class SceneParameters(ParametricDesign):
         if len({*least.values()}) == 1:
             least = {"coverage": least[names[0]]}
         bounds = [
-            Bound(name, ">=", value, f"{name.replace('.', ' of ')} as now, {value:.4g}")
+            MeasureBound(name, ">=", value, f"{name.replace('.', ' of ')} as now, {value:.4g}")
             for name, value in least.items()
             if value > 0
         ]
         camera = self._design.scene.camera
         if camera.lens is not None and camera.max_blur is not None:
             limit = float(camera.max_blur)
-            bounds.append(Bound("blur", "<=", limit, f"blur up to max_blur_px, {limit:g}"))
+            bounds.append(MeasureBound("blur", "<=", limit, f"blur up to max_blur_px, {limit:g}"))
         if camera.module is not None:
-            bounds.append(Bound("module_room", ">=", 0.0, "nothing in the camera's module"))
+            bounds.append(MeasureBound("module_room", ">=", 0.0, "nothing in the camera's module"))
         return tuple(bounds)
 
     def evaluate(

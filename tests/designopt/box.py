@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from designopt.errors import UserError
 from designopt.io.spec import SpecFile
-from designopt.optimize import Bound, Measure, Parameter, ParametricDesign, Values
+from designopt.optimize import Measure, MeasureBound, Parameter, ParametricDesign, Values
 
 DEGREES = (0.0, 45.0, 90.0)
 """In which a width is evaluated; it is judged in every degree."""
@@ -33,7 +33,7 @@ class Box(ParametricDesign):
         Measure("extent", "mm", "the extent", scale=5.0, where=lambda i: f"at {DEGREES[i[0]]:g}°"),
         Measure("reach", "mm", "the reach", worst="greatest", scale=5.0),
     )
-    requirements = (Bound("outline", "<=", 20.0),)
+    requirements = (MeasureBound("outline", "<=", 20.0),)
     free = ("width", "sides.left")
 
     def evaluate(

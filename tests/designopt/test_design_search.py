@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import pytest
 
 from designopt.errors import UserError
-from designopt.optimize import Bound, Parameter
+from designopt.optimize import MeasureBound, Parameter
 from designopt.optimize.design_search import DesignSearch, check_bounds, free_parameters, search
 from tests.designopt.box import Box
 
@@ -15,7 +15,7 @@ BOX = Box()
 
 def result(objective, keep=(), free=(), bounds=None, start=None, **settings):
     free = free_parameters(BOX, free, bounds)
-    finder = DesignSearch(BOX, objective, free, [Bound.parse(text) for text in keep])
+    finder = DesignSearch(BOX, objective, free, [MeasureBound.parse(text) for text in keep])
     *steps, last = finder.steps({**BOX.values(), **(start or {})}, **settings)
     assert last.done
     assert last.result is not None
@@ -135,7 +135,7 @@ class Undefined(Box):
 
 def test_what_is_no_number_is_no_design():
     design = Undefined()
-    keep = [Bound("extent", ">=", 0.5)]
+    keep = [MeasureBound("extent", ">=", 0.5)]
     free = free_parameters(design, ["width"])
     *_, last = DesignSearch(design, "area", free, keep).steps(BOX.values())
     assert last.result is not None
@@ -179,10 +179,10 @@ def test_names_may_be_beginnings():
         (lambda: free_parameters(BOX, ["depth"], {"depth": (-1.0, 3.0)}), "ends not included"),
         (lambda: DesignSearch(BOX, "volume", {"width": (1.0, 2.0)}), "no measure 'volume'"),
         (lambda: DesignSearch(BOX, "area", {}), "nothing is free"),
-        (lambda: check_bounds(BOX, [Bound("area", ">=", 500.0)]), "is at most 400 mm²"),
-        (lambda: check_bounds(BOX, [Bound("area", "<=", 5.0)]), "write >="),
-        (lambda: Bound.parse("area > 3"), "write a measure, >= or <=, and a number"),
-        (lambda: Bound.parse("area>=nan"), "finite"),
+        (lambda: check_bounds(BOX, [MeasureBound("area", ">=", 500.0)]), "is at most 400 mm²"),
+        (lambda: check_bounds(BOX, [MeasureBound("area", "<=", 5.0)]), "write >="),
+        (lambda: MeasureBound.parse("area > 3"), "write a measure, >= or <=, and a number"),
+        (lambda: MeasureBound.parse("area>=nan"), "finite"),
     ],
 )
 def test_refusals(call, words):
@@ -192,5 +192,5 @@ def test_refusals(call, words):
 
 def test_labels_default_to_names():
     assert Parameter("a.b", 1.0, 0.0, 2.0).label == ""
-    assert str(Bound("a", ">=", 2.5)) == "a >= 2.5"
-    assert str(Bound("a", ">=", 2.5, "height")) == "height"
+    assert str(MeasureBound("a", ">=", 2.5)) == "a >= 2.5"
+    assert str(MeasureBound("a", ">=", 2.5, "height")) == "height"

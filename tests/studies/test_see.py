@@ -445,11 +445,11 @@ def test_a_video_has_an_overlay_of_its_rate_and_length(reader, frames, tmp_path,
     assert shown == 7
 
 
-def test_light_that_changes_is_a_line_and_a_flag(reader, frames, tmp_path, capsys):
+def test_light_that_changes_is_a_line_and_a_flag(reader, frames, tmp_path, caplog):
     darker = (frames[0] * 0.6).astype(np.uint8)
     clip(tmp_path / "clip.avi", [frames[0]] * 3 + [darker] * 9, 12)
     run(reader, tmp_path / "clip.avi", tmp_path / "out")
-    assert "the light is not the reference's: brightness ×0.6" in capsys.readouterr().err
+    assert "the light is not the reference's: brightness ×0.6" in caplog.text
     moved = [row["light_moved"] for row in rows_of(tmp_path / "out")]
     assert moved[:3] == ["0"] * 3
     assert moved[-1] == "1"

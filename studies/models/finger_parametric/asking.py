@@ -6,12 +6,12 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from designopt.optimize.parametric import Bound, Measure
+from designopt.optimize.parametric import Measure, MeasureBound
 from studies.models.checks import Check
 from studies.models.finger import Finger
 
@@ -34,14 +34,15 @@ class Asked:
     label: str
 
     @property
-    def bound(self) -> Bound | None:
+    def bound(self) -> MeasureBound | None:
         """The requirement; ``None`` where there is no limit."""
         if self.limit is None:
             return None
         relation = ">=" if self.measure.worst == "least" else "<="
-        return Bound(self.measure.name, relation, self.limit, self.label)
+        return MeasureBound(self.measure.name, relation, self.limit, self.label)
 
 
+@runtime_checkable
 class Aspect(Protocol):
     """Linkage or optics of a finger."""
 

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from designopt.errors import UserError
 from designopt.io.spec import SpecFile
-from designopt.optimize.parametric import Bound, Measure, ParametricDesign, Values
+from designopt.optimize.parametric import Measure, MeasureBound, ParametricDesign, Values
 from studies.models.finger import Finger
 from studies.models.finger_file import finger_tables, parse_finger
 from studies.models.finger_parametric.asking import Aspect, joined
@@ -92,7 +92,7 @@ class FingerParametric(ParametricDesign):
         return (*(one.measure for aspect in self._aspects for one in aspect.asked), between)
 
     @cached_property
-    def requirements(self) -> tuple[Bound, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def requirements(self) -> tuple[MeasureBound, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
         """See `ParametricDesign`."""
         bounds = (one.bound for aspect in self._aspects for one in aspect.asked)
         return tuple(bound for bound in bounds if bound is not None)

@@ -20,7 +20,7 @@ from designopt.explore.explorer import (
 )
 from designopt.export.drawing import Circle, Drawing, Label, Layer, Place, Polyline
 from designopt.io.spec import SpecFile
-from designopt.optimize.parametric import Bound, Measure, Parameter, ParametricDesign, Values
+from designopt.optimize.parametric import Measure, MeasureBound, Parameter, ParametricDesign, Values
 
 MARKUP = "<img src=x onerror=alert(1)>&amp;"
 LOCKED = "The rod is too short for this pose; lengthen it."
@@ -78,7 +78,9 @@ class SliderCrankDesign(ParametricDesign):
         Measure("stroke", "mm", "stroke", scale=10.0),
         Measure("angle", "°", "angle between rod and guide", worst="greatest", scale=5.0),
     )
-    requirements: tuple[Bound, ...] = (Bound("angle", "<=", 45.0, "rod within 45° of the guide"),)
+    requirements: tuple[MeasureBound, ...] = (
+        MeasureBound("angle", "<=", 45.0, "rod within 45° of the guide"),
+    )
 
     def evaluate(self, values, of):
         radius, rod, offset = values

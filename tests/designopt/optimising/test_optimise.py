@@ -57,7 +57,9 @@ def test_requirements_that_conflict_end_before_a_search_with_exit_code_1(folder,
     asked = ["--free", "bodies.coupler.A-B=100:140", "--keep", "mu.B>=70", "--out", "none"]
     assert cli.run(["optimise", "four-bar.toml", *asked]) == 1
     document = json.loads((folder / "none/results.json").read_text())
-    assert any("No design near meets all" in line and "mu.B" in line for line in document["findings"])
+    assert any(
+        "No design near meets all" in line and "mu.B" in line for line in document["findings"]
+    )
     values = load_design(str(folder / "none/specs/linkage.toml")).parametric().values()
     assert values["bodies.coupler.A-B"] == pytest.approx(120.0, abs=1e-6)
 
