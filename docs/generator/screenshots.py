@@ -11,13 +11,14 @@ import sys
 from importlib.resources import files
 from pathlib import Path
 
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Page, ViewportSize, sync_playwright
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 PATIENCE = 300_000
 """Milliseconds in which numbers come: programs are compiled first."""
 
-DESKTOP, PHONE = {"width": 1280, "height": 860}, {"width": 390, "height": 780}
+DESKTOP = ViewportSize(width=1280, height=860)
+PHONE = ViewportSize(width=390, height=780)
 
 
 def write_screenshots(folder: Path) -> None:

@@ -280,9 +280,10 @@ def _swept(finger: Finger, flexion: Float[Array, "poses joints"]) -> Swept:
 
 def _now(swept: Swept) -> LinkageScene:
     """The pose that is shown; the straight finger where there is none."""
+    linkage = jax.tree.map(jnp.asarray, swept.linkage)
     if not bool(swept.poses.ok[0]):
-        return sketched_scene(swept.linkage)
-    return LinkageScene.of(swept.linkage, jax.tree.map(lambda leaf: leaf[0], swept.poses.value))
+        return sketched_scene(linkage)
+    return LinkageScene.of(linkage, jax.tree.map(lambda leaf: leaf[0], swept.poses.value))
 
 
 def _linkage_readouts(swept: Swept) -> list[Readout]:

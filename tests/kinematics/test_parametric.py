@@ -109,7 +109,7 @@ def test_parameters_are_numbers_of_the_export_and_files_meet_what_they_ask(name)
         assert parameter.low < parameter.value < parameter.high
         np.testing.assert_allclose(quantities[parameter.name], parameter.value, rtol=1e-12)
     judged = design.judge(design.values())
-    assert shortfalls(design, judged, design.requirements) == []
+    assert shortfalls(design.measures, judged, design.requirements) == []
     for measure, array in evaluated(name)(design.vector(design.values())).items():
         worst = np.max(array) if measure == "size" else np.min(array)
         # What is judged on a finer grid is not better; where cells are left out, nor the same.
@@ -171,7 +171,7 @@ def test_a_given_range_is_asked_for_from_end_to_end():
     judged = beyond.judge(beyond.values())
     np.testing.assert_allclose(judged["margin"], 190 - 210, atol=1e-9)
     assert judged["min_transmission"] == 0
-    ((bound, missed),) = shortfalls(beyond, judged, beyond.requirements)
+    ((bound, missed),) = shortfalls(beyond.measures, judged, beyond.requirements)
     assert bound.label == "every pose of the range assembles"
     np.testing.assert_allclose(missed, -20 - 0.17, atol=1e-9)
 
@@ -254,7 +254,7 @@ def test_a_search_finds_distances_that_transmit_better(name):
     )
     before, after = design.judge(design.values()), design.judge(last.values)
     assert after["min_transmission"] > before["min_transmission"] + 5
-    assert shortfalls(design, after, design.requirements) == []
+    assert shortfalls(design.measures, after, design.requirements) == []
     for parameter in design.parameters:
         assert parameter.low - 1e-9 <= last.values[parameter.name] <= parameter.high + 1e-9
     if name == "four-bar":

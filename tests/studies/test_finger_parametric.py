@@ -149,7 +149,7 @@ def test_refusals():
 
 
 def missed_by(design, own):
-    return shortfalls(design, own, design.requirements)
+    return shortfalls(design.measures, own, design.requirements)
 
 
 def worst(design, found):

@@ -89,9 +89,10 @@ class OpticsAspect:
         self.asked = [*self._seen(), *self._room()]
 
     def _where(self, index: tuple[int, ...]) -> str:
-        pip, dip = self._degrees[index[0]]
-        pad = f" of the {PHALANGES[index[1]]} pad" if len(index) > 1 else ""
-        errors = ", with errors of assembly" if np.any(self._errors[index[0]]) else ""
+        posture, *pads = index
+        pip, dip = self._degrees[posture]
+        pad = "".join(f" of the {PHALANGES[one]} pad" for one in pads)
+        errors = ", with errors of assembly" if np.any(self._errors[posture]) else ""
         return f"{pad} at PIP {pip:.3g}°, DIP {dip:.3g}°{errors}".strip()
 
     def _seen(self) -> Iterable[Asked]:
