@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 from designopt.batching import side_by_side
 from designopt.quick_compilation import known_options
 
-Arrays = dict[str, Float[Array | np.ndarray, "..."]]
+Arrays = Mapping[str, Float[Array | np.ndarray, "..."]]
 
 KEPT = 8
 """Points whose values and slopes are kept: a search asks for both of a point, one by one."""
