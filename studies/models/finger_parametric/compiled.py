@@ -19,7 +19,10 @@ from jaxtyping import Array, Float
 from designopt.batching import side_by_side
 from designopt.quick_compilation import known_options
 
-Arrays = Mapping[str, Float[Array | np.ndarray, "..."]]
+Arrays = dict[str, Float[Array, "..."]]
+
+Computed = dict[str, Any]
+"""Arrays of NumPy by name: a compiled program is called outside of JAX."""
 
 KEPT = 8
 """Points whose values and slopes are kept: a search asks for both of a point, one by one."""
@@ -54,17 +57,17 @@ class CompiledFunctions:
         ]
         self._shapes = tuple(_merged(parts) for parts in zip(*shapes, strict=True))
         self._programs: list[Any] = []
-        self._known: dict[bytes, tuple[Arrays, Arrays]] = {}
+        self._known: dict[bytes, tuple[Computed, Computed]] = {}
 
     def __call__(self, numbers: Float[Array, " numbers"]) -> Arrays:
         """All arrays by name."""
         return _call(self, numbers)
 
-    def values(self, numbers: Float[Array, " numbers"]) -> Arrays:
+    def values(self, numbers: Float[Array, " numbers"]) -> Computed:
         """All arrays, computed now."""
         return self.both(numbers)[0]
 
-    def both(self, numbers: Float[Array, " numbers"]) -> tuple[Arrays, Arrays]:
+    def both(self, numbers: Float[Array, " numbers"]) -> tuple[Computed, Computed]:
         """All arrays, and their slopes by the vector, computed now."""
         point = np.asarray(numbers, float)
         key = point.tobytes()
