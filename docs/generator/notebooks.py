@@ -29,6 +29,9 @@ QUICK_TO_COMPILE = {
 }
 """What small settings are compiled with: in two thirds of the time, as the tests are."""
 
+LONG = ("calibrate-and-see",)
+"""Tutorials that take minutes with small settings, too: they are run with full ones only."""
+
 ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
 
@@ -103,11 +106,13 @@ def write_tutorials(source: Path, target: Path, *, full: bool, run: bool) -> Non
     """Write a page for every notebook, with its outputs where it is ``run``, two at a time."""
     target.mkdir(parents=True, exist_ok=True)
     paths = sorted(source.glob("*.ipynb"))
-    if run:
-        with environment(full=full), ThreadPoolExecutor(2) as pool:
-            notebooks = list(pool.map(run_notebook, paths))
-    else:
-        notebooks = [nbformat.read(path, as_version=4) for path in paths]
+    unrun = {path for path in paths if not full and (not run or path.stem in LONG)}
+
+    def read(path: Path) -> nbformat.NotebookNode:
+        return nbformat.read(path, as_version=4) if path in unrun else run_notebook(path)
+
+    with environment(full=full), ThreadPoolExecutor(2) as pool:
+        notebooks = list(pool.map(read, paths))
     for path, notebook in zip(paths, notebooks, strict=True):
         page = notebook_page(notebook, path.stem, target)
         (target / f"{path.stem}.md").write_text(page, encoding="utf-8")
