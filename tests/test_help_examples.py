@@ -20,6 +20,7 @@ COMMANDS = {point.name: point for point in entry_points(group=app.COMMAND_GROUP)
 WRITES = {
     "export": ["cad/finger.dxf", "cad/finger-parts.csv"],
     "new": ["my-finger.toml"],
+    "optimise": ["better/report.html"],
     "render": ["trial/001.png", "trial/frames.csv", "trial/truth.json"],
     "run": ["quick/report.html"],
     "solve": ["four-bar.csv"],

@@ -68,7 +68,7 @@ def optimise(
 
     Example:
       designopt optimise four-bar.toml --maximise min_transmission --free bodies.coupler.A-B=90:150
-      --keep 'margin>=5' --out better
+      --out better
     """
     from designopt.designs import check_design
     from designopt.io.files import check_new_folder

@@ -592,7 +592,7 @@ class DesignSearch:
         for (place, side), multiplier in zip(ends, multipliers[len(margins) :], strict=True):
             one = parameters[names[place]]
             words = f"{one.label or one.name} at its {'lower' if side > 0 else 'upper'} bound"
-            price = float(multiplier) * scale / self._span[place]
+            price = float(multiplier * scale / self._span[place])
             found.append(Active(BOUND, (place,), words, one.unit, price, float(multiplier)))
         total = sum(one.share for one in found) or 1.0
         shares = [replace(one, share=one.share / total) for one in found]
