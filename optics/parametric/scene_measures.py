@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.numerics import safe_divide, safe_sqrt
+from designopt.quick_compilation import known_options
 from designopt.solution import Solution
 from designopt.vectors import Vector, vector
 from optics.scene.scene import Scene, place
@@ -23,10 +24,6 @@ from optics.visibility.edge_refined import trace_views
 from optics.visibility.focus import find_blur
 from optics.visibility.sharpness import ROUNDING, Sharpness, find_sharpness
 from optics.visibility.views import Pieces
-
-QUICK = {"xla_cpu_use_fusion_emitters": False}
-"""Has XLA make code for the CPU in another way, which takes a fraction of the time and runs as
-fast."""
 
 ROOM = 8
 """Pieces of a pad of which resolution is asked; more only where there are more."""
@@ -216,14 +213,4 @@ def _squared_distance(
 @functools.cache
 def quickly(function: Callable[..., Any]) -> Any:
     """A function, compiled once for every structure of its arguments."""
-    return jax.jit(function, compiler_options=_known_options())
-
-
-@functools.cache
-def _known_options() -> dict[str, Any]:
-    """`QUICK`, unless this version of XLA does not know it."""
-    try:
-        jax.jit(jnp.negative, compiler_options=QUICK)(0.0)
-    except jax.errors.JaxRuntimeError:
-        return {}
-    return QUICK
+    return jax.jit(function, compiler_options=known_options())

@@ -1,7 +1,5 @@
 """The report in a real browser: contents, folded sections, paper, and a narrow screen."""
 
-import os
-import shutil
 from dataclasses import replace
 
 import pytest
@@ -9,23 +7,15 @@ import pytest
 from designopt import Metric, StabilityRow, Study, Target
 from designopt.io.spec import SpecFile
 from designopt.study.runner import run
+from tests.designopt.explore.served import driven_browser
 from tests.designopt.plugin import SquareSpec
 from tests.designopt.test_report import everything
-
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 
 
 @pytest.fixture(scope="module")
 def browser():
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    executable = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if executable is None:
-        pytest.skip(f"no browser to drive: none of {', '.join(BROWSERS)} is installed")
-    sandbox = ["--no-sandbox"] if os.geteuid() == 0 else []  # Chromium's needs another user
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=executable, args=sandbox)
-        yield browser
-        browser.close()
+    with driven_browser() as found:
+        yield found
 
 
 def designed(spec, context):
