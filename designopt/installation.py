@@ -35,9 +35,7 @@ def find_clashes() -> list[str]:
     Of an editable installation, which lists no files, only what stands in front of it is found.
     Nothing is imported.
     """
-    # What an interrupted installation has left may lack its name.
-    named = [one for one in distributions() if one.metadata and one.metadata["Name"]]
-    others = [one for one in named if _normalized(one.name) != DISTRIBUTION]
+    others = [one for one in distributions() if _name(one) not in ("", DISTRIBUTION)]
     lines = (_shadowed(name, others) or _overwritten(name, others) for name in PACKAGES)
     return [line for line in lines if line]
 
@@ -117,6 +115,10 @@ def _checksum(path: Path) -> str | None:
     return base64.urlsafe_b64encode(digest).rstrip(b"=").decode()
 
 
-def _normalized(name: str) -> str:
-    """A distribution's name as package indexes compare it."""
+def _name(of: AnyDistribution) -> str:
+    """As package indexes compare it; empty of what an interrupted installation has left."""
+    try:
+        name = of.metadata.get("Name") or ""
+    except FileNotFoundError:  # raised by the backport; the standard library's is empty
+        return ""
     return re.sub(r"[-_.]+", "-", name).lower()

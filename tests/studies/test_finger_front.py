@@ -187,7 +187,7 @@ def test_the_command_runs_the_study_with_its_objectives(monkeypatch, tmp_path):
 
     def run(study, spec, **given):
         asked.update(given, study=study.name, spec=spec)
-        return SimpleNamespace(metrics=(), waived="", unmet=())
+        return SimpleNamespace(metrics=(), findings=(), waived="", unmet=())
 
     monkeypatch.setattr("designopt.study.runner.run", run)
     (tmp_path / "my.toml").write_text("[body]\nthickness = 24.0\n", encoding="utf-8")
