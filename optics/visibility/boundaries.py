@@ -136,9 +136,15 @@ class Bound(eqx.Module):
     labels: Int[Array, "*bounds 2"]
 
     @classmethod
-    def of(cls, paths: Unfolded, path: Int[Array, ""], bound: Int[Array, "*bounds"]) -> Bound:
-        """From its index: of all segments on all legs, and of what follows."""
-        by, segments = paths.at(path), math.prod(paths.through.shape[1:])
+    def of(
+        cls,
+        paths: Unfolded,
+        path: Int[Array, ""],
+        by: Unfolded,
+        bound: Int[Array, "*bounds"],
+    ) -> Bound:
+        """From its index, by one of all paths: of all segments on all legs, and of what follows."""
+        segments = math.prod(paths.through.shape[1:])
         kind, segment = jnp.divmod(bound, segments)
         row = jnp.where(kind < PER_SEGMENT, kind, bound - PER_SEGMENT * (segments - 1))
         # Straight from all paths, so that not all segments of one are copied.

@@ -168,15 +168,18 @@ def _in_poses(
 ) -> Any:
     """In every pose the answer from what a search without derivatives has found."""
     batch, layout = angles.shape[:-1], scene.layout
-    poses = angles.reshape(math.prod(batch), angles.shape[-1])
 
-    @jax.vmap
     def unfolded(angles: Float[Array, " joints"]) -> tuple[Placed, Unfolded, Faces]:
         placed = place(scene, angles)
         paths = unfold_all(layout, placed, words)
         return placed, paths, Faces.all_of(scene, placed, paths)
 
-    placed, paths, faces = unfolded(poses)
+    if not batch:
+        placed, paths, faces = unfolded(angles)
+        camera, still = jax.lax.stop_gradient((scene.camera, (paths, faces)))
+        return answer(placed, paths, faces, search(camera, *still))
+    poses = angles.reshape(math.prod(batch), angles.shape[-1])
+    placed, paths, faces = jax.vmap(unfolded)(poses)
     # The search decides by comparisons only: its derivatives would be 0, or those of the ends once
     # more, and a reverse pass would keep its tables.
     camera, still = jax.lax.stop_gradient((scene.camera, (paths, faces)))
@@ -195,14 +198,15 @@ def pieces_of(
     labels, entries, ends = _ends(camera, paths, faces, found)
     labels = jnp.where(found.present[..., None], labels, 0)
 
-    def scale(cover: Cover | None, ends: Vector, path: Int[Array, ""], entries: Array) -> Any:
-        return scales(paths.at(path), cover, ends, entries)
+    def scale(cover: Cover | None, ends: Vector, entries: Array, by: Unfolded) -> Any:
+        return scales(by, cover, ends, entries)
 
     def piece(pad: Pad, _: Windows, path: Int[Array, ""], *of_piece: Any) -> tuple[Any, ...]:
-        return _seen(camera, size, paths.at(path), pad, *of_piece)
+        return _seen(camera, size, pad, *of_piece)
 
-    scaled = faces.through(scale, found.face, found.path, entries)
-    given = found.face, found.path, found.present, entries, scaled
+    by = paths.at(found.path)
+    scaled = faces.through(scale, found.face, entries, by)
+    given = found.face, found.path, by, found.present, entries, scaled
     *seen, apparent, spans = faces.of_pieces(piece, *given)
     starts, stops = (ends[..., 0], ends[..., 1]), (labels[..., 0], labels[..., 1])
     return Pieces(
@@ -231,19 +235,22 @@ def _ends(
 ) -> tuple[Array, Array, Array]:
     """Of the ends of all pieces their labels, and with derivatives entries and pad coordinates."""
 
-    def ends(pad: Pad, inner: Windows, path: Int[Array, ""], bounds: Int[Array, "2"]) -> Any:
-        by, bound = paths.at(path), jax.vmap(partial(Bound.of, paths, path))(bounds)
+    def ends(
+        pad: Pad, inner: Windows, path: Int[Array, ""], by: Unfolded, bounds: Int[Array, "2"]
+    ) -> Any:
+        bound = jax.vmap(partial(Bound.of, paths, path, by))(bounds)
         labels = jax.vmap(partial(label_of_bound, pad))(bound)
         return labels, jax.vmap(partial(meeting, camera, by, pad, inner))(bound)
 
-    def behind(cover: Cover | None, ends: Vector, path: Int[Array, ""], entries: Array) -> Array:
-        return entries if cover is None else coordinates(paths.at(path), cover, ends, entries)
+    def behind(cover: Cover | None, ends: Vector, entries: Array, by: Unfolded) -> Array:
+        return entries if cover is None else coordinates(by, cover, ends, entries)
 
-    labels, entries = faces.of_pieces(ends, found.face, found.path, found.bounds)
+    by = paths.at(found.path)
+    labels, entries = faces.of_pieces(ends, found.face, found.path, by, found.bounds)
     # Set to 0 before they are used: what is computed of them twice is then one computation.
     there = found.present[..., None]
     entries = jnp.where(there, entries, 0.0)
-    on_pads = faces.through(behind, found.face, found.path, entries)
+    on_pads = faces.through(behind, found.face, entries, by)
     if faces.fronts is not None:
         # A ray to an end of the membrane meets it exactly, wherever it enters.
         for end, label in enumerate(PAD_ENDS):
@@ -254,8 +261,8 @@ def _ends(
 def _seen(
     camera: Camera,
     size: Float[Array, ""],
-    by: Unfolded,
     pad: Pad,
+    by: Unfolded,
     present: Bool[Array, ""],
     entries: Float[Array, "2"],
     scale: Scale | None,

@@ -18,7 +18,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from designopt.numerics import safe_divide
 from designopt.vectors import Vector, stack, where
@@ -118,9 +118,13 @@ class Unfolded(eqx.Module):
     sliding: Rays | None
     solids: Solids = eqx.field(static=True)
 
-    def at(self, path: Int[Array, ""]) -> Unfolded:
-        """One of several paths."""
-        return jax.tree.map(lambda leaf: leaf[path], self)
+    def at(self, path: Int[Array, "*batch"]) -> Unfolded:
+        """Some of several paths, by indices from 0 on."""
+
+        def some(leaf: Shaped[Array, "paths ..."]) -> Shaped[Array, "..."]:
+            return leaf.at[path].get(mode="promise_in_bounds", wrap_negative_indices=False)
+
+        return jax.tree.map(some, self)
 
     def past(self) -> Rays:
         """The rays past both ends of all blockers."""
