@@ -30,6 +30,7 @@ from designopt.explore.saving import save_specs
 from designopt.explore.wire import Wire, changed_fields, encode_panels, finite
 from designopt.explore.worker import Worker
 from designopt.optimize.parametric import TOLERANCE, MeasureBound, Parameter, Values, shortfalls
+from designopt.programs import Prompt
 
 if TYPE_CHECKING:
     from designopt.optimize.design_search import SearchStep
@@ -100,8 +101,8 @@ Send = Callable[[Wire, Mapping[Hashable, int] | None], None]
 class Session:
     """A design that is explored; everything is called in the event loop.
 
-    The picture is computed in one thread; requirements, optimisation and files in a second one,
-    for they may take seconds.
+    The picture is computed in one thread, at once by NumPy; what compiles its programs, then
+    requirements, optimisation and files, in a second one, for they may take seconds.
 
     Attributes:
         model: every field of what is shown, for a new tab.
@@ -111,7 +112,9 @@ class Session:
     def __init__(self, explorer: Explorer, folder: Path, send: Send) -> None:
         self._explorer, self._folder, self._send = explorer, folder, send
         self._design = design = explorer.design
-        self.parameters = {one.name: one for one in (*explorer.joints, *design.parameters)}
+        self._prompt = Prompt()
+        with self._prompt.answering():
+            self.parameters = {one.name: one for one in (*explorer.joints, *design.parameters)}
         self._dimensions = [one.name for one in design.parameters]
         self._measures = {one.name: one for one in design.measures}
         self._presets: dict[str, Values] = {AS_DESIGNED: explorer.values(), **explorer.presets}
@@ -144,7 +147,7 @@ class Session:
             "report": [],
             **self._settings(),
         }
-        self._picture.submit("sketch", lambda: encode_panels(explorer.sketch()), self._sketched)
+        self._picture.submit("sketch", self._sketch, self._sketched)
         self._show()
 
     def end(self) -> list[Worker]:
@@ -258,7 +261,8 @@ class Session:
         before, place, seqs = self._now, (message.x, message.y), dict(self.seqs)
 
         def compute() -> tuple[dict[str, float], ExplorerState, list[Wire]]:
-            dragged = self._explorer.drag(before.values, message.handle, place)
+            with self._prompt.answering():
+                dragged = self._explorer.drag(before.values, message.handle, place)
             own = {name: dragged[name] for name in handles[message.handle] if name in dragged}
             changed = self._allowed(own)
             return changed, *self._computed({**before.values, **changed})
@@ -339,13 +343,24 @@ class Session:
                 state, panels = found
                 self._publish_state(state, panels, seqs)
             if self._judged is None and self._rest is None:
+                self._slow.submit("compile", self._prompt.compile, self._compiled)
                 self._judge_soon()
 
         self._picture.submit("show", lambda: self._computed(values), done)
 
     def _computed(self, values: Values) -> tuple[ExplorerState, list[Wire]]:
-        state = self._explorer.show(values)
+        with self._prompt.answering():
+            state = self._explorer.show(values)
         return state, encode_panels(state.panels)
+
+    def _sketch(self) -> list[Wire]:
+        with self._prompt.answering():
+            return encode_panels(self._explorer.sketch())
+
+    def _compiled(self, future: Future) -> None:
+        """Show what is computed by compiled programs alone."""
+        self._result(future)
+        self._show()
 
     def _sketched(self, future: Future) -> None:
         if (panels := self._result(future)) is not None:

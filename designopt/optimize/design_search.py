@@ -37,7 +37,7 @@ from designopt.optimize.parametric import (
     shortfalls,
 )
 from designopt.optimize.problem import BOUND
-from designopt.quick_compilation import compile_quickly
+from designopt.programs import Program
 
 UPDATES = 150
 """Cap on iterations of one search."""
@@ -358,7 +358,7 @@ class DesignSearch:
         self._low, self._span = low, high - low
         asked = (objective, *(bound.measure for bound in self.keep))
         self._asked = tuple(dict.fromkeys(asked))
-        self._program = compile_quickly(self._arrays_and_slopes)
+        self._program = Program(self._arrays_and_slopes)
 
     def steps(self, values: Values, starts: int = 1, seed: int = 0) -> Iterator[SearchStep]:
         """Iterations from a design on; the last one has the result, which is never worse.

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.quick_compilation import compile_quickly
+from designopt.programs import Program
 from kinematics.model.linkage import Linkage
 from kinematics.parametric.dimensions import Dimensions
 from kinematics.plot.scene import Scene, Travel
@@ -75,7 +75,7 @@ def together(*batches: PoseBatch) -> PoseBatch:
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *batches)
 
 
-@partial(compile_quickly, static_argnames=("dimensions",))
+@partial(Program, static_argnames=["dimensions"])
 def _solve(
     linkage: Linkage,
     distances: Float[Array, " distances"],
@@ -170,7 +170,7 @@ class PoseEvaluator:
             block = inputs[start : start + self._batch]
             spare = self._batch - len(block)
             padded = np.pad(block, ((0, spare), (0, 0)), mode="edge")
-            solved = _solve(self.linkage, distances, padded, self.dimensions)
+            solved = _solve(self.linkage, distances, padded, dimensions=self.dimensions)
             found.append(jax.tree.map(np.asarray, solved).rows(slice(len(block))))
         return together(*found)
 

@@ -23,6 +23,7 @@ from designopt.explore.explorer import (
 )
 from designopt.export.drawing import Place
 from designopt.optimize.parametric import Values
+from designopt.programs import Program
 from designopt.solution import Solution
 from optics.chamber.chamber import Chamber, ChamberResult
 from optics.chamber.designed import DesignedChamber
@@ -61,7 +62,7 @@ class Look(NamedTuple):
     line: Float[Array, "2"]
 
 
-@jax.jit
+@Program
 def look_at(numbers: Float[Array, " parameters"], ratios: Float[Array, "2"]) -> Look:
     """Everything that is shown of a chamber.
 
@@ -82,7 +83,7 @@ def look_at(numbers: Float[Array, " parameters"], ratios: Float[Array, "2"]) -> 
     )
 
 
-@jax.jit
+@Program
 def _ratio(chamber: Chamber) -> Solution[Float[Array, ""]]:
     return chamber.imaging_ratio()
 

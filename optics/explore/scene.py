@@ -6,9 +6,7 @@ import cmath
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import pairwise
-from typing import Any
 
 import jax
 import numpy as np
@@ -27,10 +25,11 @@ from designopt.explore.explorer import (
 )
 from designopt.export.drawing import Drawing, Label, Layer, Place, Polyline
 from designopt.optimize.parametric import Values
+from designopt.programs import Program
 from designopt.solution import Solution
 from optics.export.scene_drawing import CAMERA, draw_scene, draw_views
 from optics.parametric.scene import SceneParameters, scene_at
-from optics.parametric.scene_measures import quickly, see, sharpness_of
+from optics.parametric.scene_measures import see, sharpness_of
 from optics.plot.section import Section
 from optics.scene.designed import DesignedScene
 from optics.scene.scene import WORLD, Layout, Scene
@@ -138,8 +137,8 @@ class SceneExplorer(Explorer):
         self._scene = design.scene
         self._turnable = (*self.joints, *self.design.parameters)
         self._before = self.values()
-        self._program: Future[Any] | None = None
         self._swept, self._curve_of = self._turnable[0], ()
+        self._curve = np.full((PLACES, len(design.scene.layout.pads)), np.nan)
         self._panels: tuple[View | Chart, ...] = (*self.sketch(), *self._chart(self._before, None))
 
     def sketch(self) -> Sequence[View]:
@@ -157,7 +156,6 @@ class SceneExplorer(Explorer):
         except UserError as error:
             return ExplorerState(seen_readouts(self._scene.layout, None), self._panels, str(error))
         self._notice(values)
-        self._prepare_curve(values)
         seen = look_at(scene, self._angles(values))
         self._panels = (self._view(scene, values, seen), *self._chart(values, seen))
         message = ""
@@ -231,10 +229,11 @@ class SceneExplorer(Explorer):
         if layout.curved:
             return []
         rest = (swept.name, *(values[one.name] for one in self._turnable if one is not swept))
-        if seen is not None and self._program is not None and rest != self._curve_of:
-            program = self._program.result()
-            self._curve = 100 * np.asarray(program(self._scene, *self._states(values)))
-            self._curve_of = rest
+        if seen is not None and rest != self._curve_of:
+            curve = _coverage.when_compiled(self._scene, *self._states(values))
+            self._curve = np.full((PLACES, len(layout.pads)), np.nan)
+            if curve is not None:
+                self._curve, self._curve_of = 100 * np.asarray(curve), rest
         series = []
         if seen is not None:
             columns = zip(layout.pads, self._curve.T.tolist(), strict=True)
@@ -250,14 +249,6 @@ class SceneExplorer(Explorer):
         states = [{**values, swept.name: place} for place in places]
         numbers = [[state[one.name] for one in self.design.parameters] for state in states]
         return np.array(numbers), np.stack([self._angles(state) for state in states])
-
-    def _prepare_curve(self, values: Values) -> None:
-        """Compile the chart's program in the background, beside that of the picture."""
-        if self._program is None and not self._scene.layout.curved:
-            lowered = quickly(_coverage).lower(self._scene, *self._states(values))
-            pool = ThreadPoolExecutor(max_workers=1)
-            self._program = pool.submit(lowered.compile)
-            pool.shutdown(wait=False)
 
 
 def seen_readouts(layout: Layout, seen: Seen | None) -> list[Readout]:
@@ -278,6 +269,7 @@ def seen_readouts(layout: Layout, seen: Seen | None) -> list[Readout]:
     return found
 
 
+@Program
 def _coverage(
     scene: Scene, numbers: Float[Array, "states parameters"], angles: Float[Array, "states joints"]
 ) -> Float[Array, "states pads"]:

@@ -5,9 +5,7 @@ A search differentiates these; a page computes some of them fast enough to follo
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.numerics import safe_divide, safe_sqrt
-from designopt.quick_compilation import known_options
+from designopt.programs import Program
 from designopt.solution import Solution
 from designopt.vectors import Vector, vector
 from optics.scene.scene import Scene, place
@@ -55,9 +53,10 @@ class Sight(NamedTuple):
 
 def see(scene: Scene, angles: Float[np.ndarray, "*poses joints"]) -> Sight:
     """What is seen at joint angles in rad, in NumPy arrays."""
-    return jax.tree.map(np.asarray, quickly(_sight)(scene, angles))
+    return jax.tree.map(np.asarray, _sight(scene, angles))
 
 
+@Program
 def _sight(scene: Scene, angles: Float[Array, "*poses joints"]) -> Sight:
     found = (trace_views if scene.layout.curved else find_views)(scene, angles)
     coverage = found.value.coverage()
@@ -208,9 +207,3 @@ def _squared_distance(
     first, last = (view.distance[..., i, None] ** 2 for i in (0, 1))
     chord = _length_on_pad(scene, view)[..., None] ** 2
     return first + part * (last - first) - part * (1 - part) * chord
-
-
-@functools.cache
-def quickly(function: Callable[..., Any]) -> Any:
-    """A function, compiled once for every structure of its arguments."""
-    return jax.jit(function, compiler_options=known_options())

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from designopt.programs import Program
 from designopt.vectors import Vector
 from optics.plot.layer_section import LayerSection, stacks_of
 from optics.scene.scene import Layout, Scene, place
@@ -55,7 +56,7 @@ class Section:
     def of(cls, scene: Scene, angles: Angles) -> Section:
         """The section of a scene at joint angles in rad."""
         camera, axis, ends, arcs, hinges = jax.tree.map(
-            lambda leaf: np.asarray(leaf, float), _placed(scene, jnp.asarray(angles))
+            lambda leaf: np.asarray(leaf, float), _placed(scene, angles)
         )
         lines = list(ends)
         for surface, arc in zip(scene.layout.curved, arcs, strict=True):
@@ -82,7 +83,7 @@ class Section:
         return gap if gap > FAR * max(high - low) > 0 else None
 
 
-@jax.jit
+@Program
 def _placed(scene: Scene, angles: Float[Array, " joints"]) -> tuple[Array, ...]:
     """Camera, its axis (rad), ends of the surfaces, points of the arcs and hinges, mm."""
     placed, parts = place(scene, angles), jnp.linspace(0, 1, ARC, dtype=scene.mirrors.dtype)
@@ -117,9 +118,7 @@ def rays_to(
     """
     spread = np.clip(np.linspace(0, 1, count), INSIDE, 1 - INSIDE)
     bounces = view.spans.shape[-2]
-    surfaces, places = map(
-        np.asarray, _traced(scene, jnp.asarray(angles), view.pixels, jnp.asarray(spread), bounces)
-    )
+    surfaces, places = map(np.asarray, _traced(scene, angles, view.pixels, spread, bounces=bounces))
     paths, rays = np.asarray(view.path), []
     for pad, piece in np.argwhere(np.asarray(view.present)).tolist():
         met = surfaces[pad, piece] != NOTHING
@@ -151,7 +150,7 @@ def _entered(
     return layout.bodies[body].layer, layout.bodies[body].end
 
 
-@eqx.filter_jit
+@partial(Program, static_argnames=["bounces"])
 def _traced(
     scene: Scene,
     angles: Float[Array, " joints"],

@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from designopt.numerics import safe_divide
+from designopt.programs import Program
 from designopt.vectors import Vector
 from optics.scene.scene import Scene, place
 from optics.visibility.fan import Fan
@@ -26,7 +27,7 @@ from optics.visibility.lines_of_sight import entries_of, scales
 from optics.visibility.pads import Faces, Pad, Windows
 from optics.visibility.refraction import Cover
 from optics.visibility.tracing import Leg
-from optics.visibility.unfolding import paths_of, unfold_all
+from optics.visibility.unfolding import Unfolded, paths_of, unfold_all
 from optics.visibility.views import Pieces
 
 PARTS = 64
@@ -84,14 +85,15 @@ def find_sharpness(
     shown &= (view.start[..., None] <= low[..., None, :]) & (
         high[..., None, :] <= view.end[..., None]
     )
+    # Most stretches are empty, or nothing shows them: the others of every pad come first.
+    of_any = np.any(shown, axis=2)
+    order = np.argsort(~of_any, axis=-1, kind="stable")
+    order = order[..., : max(int(np.max(np.sum(of_any, axis=-1), initial=0)), 1)]
+    places, weights = (np.take_along_axis(one, order[..., None], -2) for one in (places, weights))
+    shown = np.take_along_axis(shown, order[..., None, :], -1)
     shown = np.repeat(shown, PARTS + 1, axis=-1)
-    places, weights = (part.reshape(*part.shape[:2], -1) for part in (places, weights))
-
-    look_up = _by_ray if scene.layout.curved else _unfolded
-    per_mm, *distances = jax.tree.map(
-        np.asarray,
-        look_up(scene, jnp.asarray(angles), pieces, jnp.asarray(places), bounces=bounces),
-    )
+    per_mm, *distances = _looked_up(scene, angles, pieces, places, bounces)
+    weights = weights.reshape(*weights.shape[:2], -1)
     best = np.max(per_mm, axis=2, where=shown, initial=0)
     over_all = _spread(best, np.where(np.any(shown, axis=2), weights, 0))
     by_path = np.zeros((*view.path.shape, 3))
@@ -109,6 +111,29 @@ def find_sharpness(
 
     found = jax.tree.map(extremes, distances)
     return Sharpness(over_all, np.where(there, by_path, 0), *found)
+
+
+def _looked_up(
+    scene: Scene,
+    angles: Float[np.ndarray, "poses joints"],
+    pieces: Pieces,
+    places: Float[np.ndarray, "poses pads stretches places"],
+    bounces: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Pixels per mm by all pieces, at all places of each pad; distance, apparent one (mm)."""
+    if scene.layout.curved:
+        every = places.reshape(*places.shape[:2], -1)
+        found = _by_ray(scene, angles, pieces, every, bounces=bounces)
+        return jax.tree.map(np.asarray, found)
+    # One after the other, so that one program serves for any number of them.
+    parts = [
+        jax.tree.map(
+            np.asarray,
+            _unfolded(scene, angles, pieces.path, pieces.face, stretch, bounces=bounces),
+        )
+        for stretch in np.moveaxis(places, 2, 0)
+    ]
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *parts)
 
 
 def _spread(
@@ -134,17 +159,18 @@ def _spread(
     return np.where(np.any(seen, axis=-1)[..., None], spread, 0)
 
 
-@partial(jax.jit, static_argnames="bounces")
+@partial(Program, static_argnames=["bounces"])
 def _unfolded(
     scene: Scene,
     angles: Float[Array, "poses joints"],
-    pieces: Pieces,
+    path: Int[Array, "poses pads pieces"],
+    face: Int[Array, "poses pads pieces"] | None,
     places: Float[Array, "poses pads places"],
     *,
     bounces: int,
 ) -> tuple[Array, Array, Array | None]:
     """Pixels per mm at places on pads by the paths of all pieces; distance, apparent one (mm)."""
-    words, room = paths_of(scene.layout, bounces), pieces.path.shape[-1]
+    words, room = paths_of(scene.layout, bounces), path.shape[-1]
 
     def in_pose(
         angles: Float[Array, " joints"],
@@ -156,21 +182,20 @@ def _unfolded(
         paths = unfold_all(scene.layout, placed, words)
         faces = Faces.all_of(scene, placed, paths)
 
-        def rays(cover: Cover | None, ends: Vector, path: Int[Array, ""], places: Array) -> Any:
-            by = paths.at(path)
+        def rays(cover: Cover | None, ends: Vector, places: Array, by: Unfolded) -> Any:
             entries = places if cover is None else entries_of(by, cover, ends, places)
             return entries, scales(by, cover, ends, entries)
 
-        def by(pad: Pad, _: Windows, path: Int[Array, ""], *of_rays: Any) -> Any:
-            return look(scene.camera, placed.size, paths.at(path), pad, *of_rays)[1:]
+        def seen(pad: Pad, _: Windows, path: Int[Array, ""], by: Unfolded, *of_rays: Any) -> Any:
+            return look(scene.camera, placed.size, by, pad, *of_rays)[1:]
 
-        every = jnp.repeat(places[:, None], room, axis=1)
-        return faces.of_pieces(by, face, path, *faces.through(rays, face, path, every))
+        own, every = paths.at(path), jnp.repeat(places[:, None], room, axis=1)
+        return faces.of_pieces(seen, face, path, own, *faces.through(rays, face, every, own))
 
-    return jax.vmap(in_pose)(angles, pieces.path, pieces.face, places)
+    return jax.vmap(in_pose)(angles, path, face, places)
 
 
-@partial(jax.jit, static_argnames="bounces")
+@partial(Program, static_argnames=["bounces"])
 def _by_ray(
     scene: Scene,
     angles: Float[Array, "poses joints"],

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Mapping, Sequence
-from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
-from designopt.batching import side_by_side
 from designopt.explore.explorer import (
     Chart,
     Explorer,
@@ -24,14 +21,12 @@ from designopt.explore.explorer import (
 )
 from designopt.export.drawing import Drawing, Place
 from designopt.optimize.parametric import Parameter, Values
-from designopt.quick_compilation import compile_quickly
-from designopt.solution import Solution
+from designopt.programs import Program
 from designopt.vectors import fold_angle
 from kinematics.export.drawing import draw_linkage, sketched_scene
 from kinematics.model.linkage import Linkage
 from kinematics.plot.scene import Scene as LinkageScene
 from kinematics.solve.poses import solve_poses
-from kinematics.solve.solver import Pose
 from optics.explore.scene import Seen, look_at, pad_notes, part_notes, seen_readouts, with_light
 from optics.export.scene_drawing import CAMERA, draw_scene
 from optics.scene.scene import Scene
@@ -67,13 +62,23 @@ class Swept(NamedTuple):
 
     Attributes:
         linkage: itself.
-        poses: of it.
+        size: its largest dimension, mm.
+        ok: whether it can be assembled.
+        margin: from lock-up, mm.
+        joints: their places by their names, mm.
+        turns: angles of the bodies, rad.
+        slides: of its sliders, mm.
         angles: transmission angles by their symbols, rad.
         dip: flexion of DIP, rad.
     """
 
     linkage: Linkage
-    poses: Solution[Pose]
+    size: Float[Array, ""]
+    ok: Bool[Array, " poses"]
+    margin: Float[Array, " poses"]
+    joints: dict[str, Float[Array, "poses 2"]]
+    turns: dict[str, Float[Array, " poses"]]
+    slides: dict[int, Float[Array, " poses"]]
     angles: dict[str, Float[Array, " poses"]]
     dip: Float[Array, " poses"]
 
@@ -102,20 +107,20 @@ class FingerExplorer(Explorer):
             for name, part in (("straight", 0.0), ("half closed", 0.5), ("closed", 1.0))
         }
         self._last, self._column = tuple(0.0 for _ in ends), 0
-        self._curve_of: tuple[Any, ...] = ()
-        self._curve = np.zeros((PLACES, len(PHALANGES)))
-        self._scene_of = compile_quickly(lambda numbers: design.traced(numbers).scene())
-        self._sweep = compile_quickly(lambda numbers, rows: _swept(design.traced(numbers), rows))
-        self._cover = compile_quickly(_coverage)
+        self._curve_of: list[bytes] = []
+        self._curve = np.full((PLACES, len(PHALANGES)), np.nan)
+        self._scene_of = Program(lambda numbers: design.traced(numbers).scene())
+        self._sweep = Program(lambda numbers, rows: _swept(design.traced(numbers), rows))
+        self._cover = Program(_coverage)
 
     def sketch(self) -> Sequence[View]:
         """See `Explorer`."""
-        finger, views = self._designed, []
-        if finger.pins is not None:
-            scene = sketched_scene(finger.linkage())
-            views.append(self._linkage_view(scene))
+        finger, views, numbers = self._designed, [], self.design.vector(self.values())
+        swept = self._solved(numbers, np.zeros((PLACES + 1, len(self.joints))))
+        if swept is not None:
+            views.append(self._linkage_view(sketched_scene(swept.linkage)))
         if finger.camera is not None:
-            scene = finger.scene()
+            scene = jax.tree.map(np.asarray, self._scene_of(numbers))
             drawing = draw_scene(scene, np.zeros(2), title=self.design.title)
             handles = self._optical_handles(drawing)
             views.append(View(SEEN, drawing, handles, part_notes(scene, drawing)))
@@ -129,31 +134,23 @@ class FingerExplorer(Explorer):
         numbers = self.design.vector(values)
         rows = np.tile(np.radians(degrees), (PLACES + 1, 1))
         rows[1:, self._column] = np.linspace(0.0, np.radians(self._joint.high), PLACES)
+        swept = self._solved(numbers, rows)
         if self._coupled:
-            swept = self._solved(numbers, rows)
             assert swept is not None  # as it has pins
-            rows = np.stack([rows[:, 0], np.where(swept.poses.ok, swept.dip, 0.0)], axis=1)
-            sight = self._looked(numbers, rows)
-        else:
-            # Each has a program of its own to compile.
-            calls: list[Any] = [
-                partial(self._solved, numbers, rows),
-                partial(self._looked, numbers, rows),
-            ]
-            swept, sight = side_by_side(calls)
+            rows = np.stack([rows[:, 0], np.where(swept.ok, swept.dip, 0.0)], axis=1)
+        sight = self._looked(numbers, rows)
         pip, dip = np.degrees(rows[0]).tolist()
         readouts = [Readout("pip", pip, "°"), Readout("dip", dip, "°")]
         views, charts, messages = [], [], []
         if swept is not None:
-            ok = bool(swept.poses.ok[0])
             views.append(self._linkage_view(_now(swept)))
             readouts += _linkage_readouts(swept)
             curves = {
-                name: np.where(swept.poses.ok, np.degrees(each), np.nan)[1:]
+                name: np.where(swept.ok, np.degrees(each), np.nan)[1:]
                 for name, each in swept.angles.items()
             }
             charts.append(self._chart(ANGLES, "transmission angle (°)", curves, 90.0))
-            if not ok:
+            if not swept.ok[0]:
                 messages.append(
                     f"the linkage cannot be assembled at PIP {pip:.3g}°, DIP {dip:.3g}°: bend it "
                     "less, or take back what was changed last"
@@ -199,15 +196,14 @@ class FingerExplorer(Explorer):
         """The scene, and what is seen in the first posture; the curve of coverage is kept."""
         if self._designed.camera is None:
             return None
-        scene = self._scene_of(numbers)
-        rest = (np.asarray(numbers).tobytes(), self._column, rows[1:].tobytes())
-        calls: list[Any] = [partial(look_at, scene, rows[0])]
+        scene = jax.tree.map(np.asarray, self._scene_of(numbers))
+        rest = [leaf.tobytes() for leaf in (rows[1:], *jax.tree.leaves(scene))]
         if rest != self._curve_of:
-            calls.append(lambda: np.asarray(self._cover(scene, rows[1:])))
-        seen, *curve = side_by_side(calls)
-        if curve:
-            [self._curve], self._curve_of = curve, rest
-        return scene, seen
+            curve = self._cover.when_compiled(scene, rows[1:])
+            self._curve = np.full((PLACES, len(PHALANGES)), np.nan)
+            if curve is not None:
+                self._curve, self._curve_of = np.asarray(curve), rest
+        return scene, look_at(scene, rows[0])
 
     @property
     def _joint(self) -> Parameter:
@@ -269,28 +265,48 @@ def _coverage(scene: Scene, rows: Float[Array, "poses 2"]) -> Float[Array, "pose
 def _swept(finger: Finger, flexion: Float[Array, "poses joints"]) -> Swept:
     linkage = finger.linkage()
     poses = solve_poses(linkage, -flexion)
-    at, bodies = poses.value.joints, poses.value.bodies
+    pose, structure = poses.value, linkage.structure
+    at, bodies = pose.joints, pose.bodies
     if finger.kind.freedoms > 1:
-        angles = finger_transmission(poses.value)
+        angles = finger_transmission(pose)
         named = {SYMBOLS[name]: one for name, one in angles.items()}
     else:
         named = {TRANSMISSION: fold_angle(at["Q"] - at["B"], at["P"] - at["Q"])}
     dip = -bodies["distal"].turned(bodies["intermediate"].conjugate()).angle()
-    return Swept(linkage, poses, named, dip)
+    return Swept(
+        linkage,
+        linkage.size(),
+        poses.ok,
+        poses.margin,
+        {name: at[name].stacked() for name in structure.joints},
+        {part.name: bodies[part.name].angle() for part in structure.bodies},
+        {index: pose.slides[index] for index in range(len(structure.sliders))},
+        named,
+        dip,
+    )
 
 
 def _now(swept: Swept) -> LinkageScene:
     """The pose that is shown; the straight finger where there is none."""
-    linkage = jax.tree.map(jnp.asarray, swept.linkage)
-    if not bool(swept.poses.ok[0]):
+    linkage = swept.linkage
+    if not swept.ok[0]:
         return sketched_scene(linkage)
-    return LinkageScene.of(linkage, jax.tree.map(lambda leaf: leaf[0], swept.poses.value))
+    return LinkageScene.at(
+        linkage.structure,
+        float(swept.size),
+        {name: places[0] for name, places in swept.joints.items()},
+        {name: float(turns[0]) for name, turns in swept.turns.items()},
+        [
+            (float(line.angle), float(swept.slides[index][0]))
+            for index, line in enumerate(linkage.lines)
+        ],
+    )
 
 
 def _linkage_readouts(swept: Swept) -> list[Readout]:
-    ok = bool(swept.poses.ok[0])
+    ok = bool(swept.ok[0])
     found = {f"{name}": (np.degrees(each[0]), "°") for name, each in swept.angles.items()}
-    found["from lock-up"] = (np.asarray(swept.poses.margin)[0], "mm")
+    found["from lock-up"] = (swept.margin[0], "mm")
     return [Readout(name, float(one) if ok else None, unit) for name, (one, unit) in found.items()]
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.batching import side_by_side
-from designopt.quick_compilation import known_options
+from designopt.programs import known_options
 
 Arrays = dict[str, Float[Array, "..."]]
 

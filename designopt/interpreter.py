@@ -1,0 +1,606 @@
+"""Programs that JAX has traced, computed by NumPy: an answer before anything is compiled.
+
+Tracing a program takes a fraction of the time that compiling it takes. What NumPy has no
+counterpart for, JAX computes, one operation at a time.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import jax
+import numpy as np
+from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
+
+Operation = Callable[..., Any]
+"""Of arrays; returns an array, or several if its primitive does."""
+
+Rule = Callable[[JaxprEqn], Operation]
+"""What computes an equation."""
+
+
+class Interpreter:
+    """A traced program, computed by NumPy.
+
+    It has the equations of the compiled program, so that the results agree but for rounding.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> traced = jax.jit(lambda value: {"half": jnp.sqrt(value) / 2}).trace(9.0)
+        >>> {name: float(one) for name, one in Interpreter(traced)(9.0).items()}
+        {'half': 1.5}
+    """
+
+    def __init__(self, traced: jax.stages.Traced) -> None:
+        """The program.
+
+        Args:
+            traced: as `jax.jit(function).trace(...)` returns it; no argument is static.
+        """
+        self._steps = _Steps(traced.jaxpr)
+        self._types = [var.aval.dtype for var in traced.jaxpr.jaxpr.invars]
+        self._tree = jax.tree.structure(traced.out_info)
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        """What the function returns, in NumPy arrays."""
+        leaves = jax.tree.leaves((args, kwargs))
+        given = [np.asarray(one, dtype) for one, dtype in zip(leaves, self._types, strict=True)]
+        with np.errstate(all="ignore"):
+            found = self._steps(*given)
+        return jax.tree.unflatten(self._tree, [np.asarray(one) for one in found])
+
+
+class _Steps:
+    """The equations of a program in their order, between places of one list."""
+
+    def __init__(self, program: ClosedJaxpr) -> None:
+        jaxpr = program.jaxpr
+        self._first: list[Any] = []
+        places: dict[Any, int] = {}
+
+        def place(var: Any, value: Any = None) -> int:
+            if isinstance(var, Literal):
+                self._first.append(np.asarray(var.val, var.aval.dtype))
+                return len(self._first) - 1
+            if var not in places:
+                places[var] = len(self._first)
+                self._first.append(value)
+            return places[var]
+
+        for var, value in zip(jaxpr.constvars, program.consts, strict=True):
+            place(var, np.asarray(value))
+        self._given = [place(var) for var in jaxpr.invars]
+        self._steps = [
+            (
+                RULES.get(one.primitive.name, _by_jax)(one),
+                [place(var) for var in one.invars],
+                [place(var) for var in one.outvars],
+                one.primitive.multiple_results,
+            )
+            for one in jaxpr.eqns
+        ]
+        self._found = [place(var) for var in jaxpr.outvars]
+
+    def __call__(self, *given: Any) -> list[Any]:
+        values = self._first.copy()
+        for place, value in zip(self._given, given, strict=True):
+            values[place] = value
+        for operation, sources, targets, is_many in self._steps:
+            found = operation(*[values[place] for place in sources])
+            if not is_many:
+                values[targets[0]] = found
+                continue
+            for place, one in zip(targets, found, strict=True):
+                values[place] = one
+        return [values[place] for place in self._found]
+
+
+def _by_jax(equation: JaxprEqn) -> Operation:
+    """Whatever has no rule."""
+    primitive, params = equation.primitive, equation.params
+
+    def operation(*args: Any) -> Any:
+        functions, others = primitive.get_bind_params(params)
+        found = primitive.bind(*functions, *map(jax.numpy.asarray, args), **others)
+        return jax.tree.map(np.asarray, found)
+
+    return operation
+
+
+def _plain(operation: Operation) -> Rule:
+    """Of a primitive without parameters that count here."""
+    return lambda _: operation
+
+
+def _of(*names: str) -> Callable[[Callable[..., Operation]], Callable[..., Operation]]:
+    """A rule that is called with some of a primitive's parameters."""
+
+    def decorated(make: Callable[..., Operation]) -> Callable[..., Operation]:
+        RULES[make.__name__.strip("_")] = lambda equation: make(
+            *(equation.params[name] for name in names)
+        )
+        return make
+
+    return decorated
+
+
+def _same(value: Any) -> Any:
+    return value
+
+
+def _divided(first: Any, second: Any) -> Any:
+    if np.issubdtype(np.asarray(first).dtype, np.inexact):
+        return first / second
+    quotient = np.abs(first) // np.abs(second)
+    return np.where((first < 0) != (second < 0), -quotient, quotient).astype(quotient.dtype)
+
+
+def _chosen(which: Any, *cases: Any) -> Any:
+    if len(cases) == 2:
+        return np.where(np.asarray(which, bool), cases[1], cases[0])
+    return np.choose(which, cases)
+
+
+RULES: dict[str, Rule] = {
+    name: _plain(operation)
+    for name, operation in {
+        "add": operator.add,
+        "add_any": operator.add,
+        "sub": operator.sub,
+        "mul": operator.mul,
+        "neg": operator.neg,
+        "div": _divided,
+        "rem": np.fmod,
+        "pow": np.power,
+        "square": np.square,
+        "max": np.maximum,
+        "min": np.minimum,
+        "atan2": np.arctan2,
+        "nextafter": np.nextafter,
+        "and": np.bitwise_and,
+        "or": np.bitwise_or,
+        "xor": np.bitwise_xor,
+        "not": np.invert,
+        "shift_left": np.left_shift,
+        "shift_right_arithmetic": np.right_shift,
+        "eq": np.equal,
+        "ne": np.not_equal,
+        "lt": np.less,
+        "le": np.less_equal,
+        "gt": np.greater,
+        "ge": np.greater_equal,
+        "abs": np.abs,
+        "sign": np.sign,
+        "floor": np.floor,
+        "ceil": np.ceil,
+        "is_finite": np.isfinite,
+        "sqrt": np.sqrt,
+        "rsqrt": lambda value: 1 / np.sqrt(value),
+        "cbrt": np.cbrt,
+        "exp": np.exp,
+        "expm1": np.expm1,
+        "log": np.log,
+        "log1p": np.log1p,
+        "sin": np.sin,
+        "cos": np.cos,
+        "tan": np.tan,
+        "asin": np.arcsin,
+        "acos": np.arccos,
+        "atan": np.arctan,
+        "sinh": np.sinh,
+        "cosh": np.cosh,
+        "tanh": np.tanh,
+        "clamp": lambda low, value, high: np.minimum(np.maximum(value, low), high),
+        "select_n": _chosen,
+        "copy": _same,
+        "copy_p": _same,
+        "stop_gradient": _same,
+        "optimization_barrier": lambda *values: values,
+    }.items()
+}
+
+
+@_of("y")
+def _integer_pow(power: int) -> Operation:
+    return np.square if power == 2 else lambda value: value ** np.asarray(power, value.dtype)
+
+
+@_of("rounding_method")
+def _round(method: Any) -> Operation:
+    if int(method) == 1:  # to the nearest even number
+        return np.rint
+    return lambda value: np.trunc(value + np.copysign(0.5, value)).astype(value.dtype)
+
+
+@_of("new_dtype")
+def _convert_element_type(dtype: Any) -> Operation:
+    return lambda value: np.asarray(value).astype(dtype)
+
+
+@_of("shape", "broadcast_dimensions")
+def _broadcast_in_dim(shape: Sequence[int], kept: Sequence[int]) -> Operation:
+    def operation(value: Any) -> Any:
+        sizes = [1] * len(shape)
+        for axis, size in zip(kept, np.shape(value), strict=True):
+            sizes[axis] = size
+        return np.broadcast_to(np.reshape(value, sizes), shape)
+
+    return operation
+
+
+@_of("dtype", "shape", "dimension")
+def _iota(dtype: Any, shape: Sequence[int], dimension: int) -> Operation:
+    sizes = [size if axis == dimension else 1 for axis, size in enumerate(shape)]
+    values = np.broadcast_to(np.arange(shape[dimension], dtype=dtype).reshape(sizes), shape)
+    return lambda: values
+
+
+@_of("new_sizes")
+def _reshape(shape: Sequence[int]) -> Operation:
+    return lambda value: np.reshape(value, shape)
+
+
+@_of("dimensions")
+def _squeeze(dimensions: Sequence[int]) -> Operation:
+    return lambda value: np.squeeze(value, tuple(dimensions))
+
+
+@_of("permutation")
+def _transpose(permutation: Sequence[int]) -> Operation:
+    return lambda value: np.transpose(value, permutation)
+
+
+@_of("dimensions")
+def _rev(dimensions: Sequence[int]) -> Operation:
+    return lambda value: np.flip(value, tuple(dimensions))
+
+
+@_of("reps")
+def _tile(reps: Sequence[int]) -> Operation:
+    return lambda value: np.tile(value, reps)
+
+
+@_of("dimension")
+def _concatenate(dimension: int) -> Operation:
+    return lambda *values: np.concatenate(values, dimension)
+
+
+@_of("axis")
+def _stack(axis: int) -> Operation:
+    return lambda *values: np.stack(values, axis)
+
+
+@_of("axis")
+def _unstack(axis: int) -> Operation:
+    return lambda value: list(np.moveaxis(value, axis, 0))
+
+
+@_of("sizes", "axis")
+def _split(sizes: Sequence[int], axis: int) -> Operation:
+    return lambda value: np.split(value, np.cumsum(sizes)[:-1], axis)
+
+
+@_of("start_indices", "limit_indices", "strides")
+def _slice(
+    starts: Sequence[int], limits: Sequence[int], strides: Sequence[int] | None
+) -> Operation:
+    cut = tuple(map(slice, starts, limits, strides or [1] * len(starts)))
+    return lambda value: value[cut]
+
+
+@_of("slice_sizes")
+def _dynamic_slice(sizes: Sequence[int]) -> Operation:
+    def operation(value: Any, *starts: Any) -> Any:
+        room = zip(starts, sizes, value.shape, strict=True)
+        first = [int(np.clip(start, 0, whole - size)) for start, size, whole in room]
+        return value[tuple(slice(a, a + size) for a, size in zip(first, sizes, strict=True))]
+
+    return operation
+
+
+def _dynamic_update_slice(value: Any, new: Any, *starts: Any) -> Any:
+    room = zip(starts, new.shape, value.shape, strict=True)
+    first = [int(np.clip(start, 0, whole - size)) for start, size, whole in room]
+    changed = np.array(value)
+    changed[tuple(slice(a, a + size) for a, size in zip(first, new.shape, strict=True))] = new
+    return changed
+
+
+RULES["dynamic_update_slice"] = _plain(_dynamic_update_slice)
+
+
+def _pad(equation: JaxprEqn) -> Operation:
+    config = [tuple(map(int, one)) for one in equation.params["padding_config"]]
+    if any(low < 0 or high < 0 for low, high, _ in config):
+        return _by_jax(equation)
+    shape = equation.outvars[0].aval.shape
+    inner = tuple(
+        slice(low, size - high, between + 1)
+        for (low, high, between), size in zip(config, shape, strict=True)
+    )
+
+    def operation(value: Any, filling: Any) -> Any:
+        padded = np.full(shape, filling)
+        padded[inner] = value
+        return padded
+
+    return operation
+
+
+RULES["pad"] = _pad
+
+
+def _reducing(operation: Operation, least: Callable[[Any], Any] | None = None) -> Rule:
+    """Over axes; ``least`` gives of a type what is returned where there is nothing to reduce."""
+
+    def rule(equation: JaxprEqn) -> Operation:
+        axes, dtype = tuple(map(int, equation.params["axes"])), equation.outvars[0].aval.dtype
+        if least is not None:
+            return partial(operation, axis=axes, initial=least(dtype))
+        return lambda value: operation(value, axis=axes).astype(dtype)
+
+    return rule
+
+
+def _lowest(dtype: Any) -> Any:
+    if np.issubdtype(dtype, np.bool_):
+        return False
+    return -np.inf if np.issubdtype(dtype, np.floating) else np.iinfo(dtype).min
+
+
+def _highest(dtype: Any) -> Any:
+    if np.issubdtype(dtype, np.bool_):
+        return True
+    return np.inf if np.issubdtype(dtype, np.floating) else np.iinfo(dtype).max
+
+
+RULES |= {
+    "reduce_sum": _reducing(np.sum),
+    "reduce_prod": _reducing(np.prod),
+    "reduce_max": _reducing(np.max, _lowest),
+    "reduce_min": _reducing(np.min, _highest),
+    "reduce_or": _reducing(np.bitwise_or.reduce),
+    "reduce_and": _reducing(np.bitwise_and.reduce),
+}
+
+
+@_of("axes", "index_dtype")
+def _argmax(axes: Sequence[int], dtype: Any) -> Operation:
+    return lambda value: np.argmax(value, int(axes[0])).astype(dtype)
+
+
+@_of("axes", "index_dtype")
+def _argmin(axes: Sequence[int], dtype: Any) -> Operation:
+    return lambda value: np.argmin(value, int(axes[0])).astype(dtype)
+
+
+def _along(operation: Operation) -> Rule:
+    def rule(equation: JaxprEqn) -> Operation:
+        axis, dtype = equation.params["axis"], equation.outvars[0].aval.dtype
+        if equation.params["reverse"]:
+            return lambda value: np.flip(operation(np.flip(value, axis), axis, dtype=dtype), axis)
+        return lambda value: operation(value, axis, dtype=dtype)
+
+    return rule
+
+
+RULES |= {
+    "cumsum": _along(np.cumsum),
+    "cumprod": _along(np.cumprod),
+    "cummax": _along(np.maximum.accumulate),
+    "cummin": _along(np.minimum.accumulate),
+}
+
+
+def _sort(equation: JaxprEqn) -> Operation:
+    if equation.params["num_keys"] != 1:
+        return _by_jax(equation)
+    axis = equation.params["dimension"]
+
+    def operation(*values: Any) -> Any:
+        order = np.argsort(values[0], axis, kind="stable")
+        return [np.take_along_axis(one, order, axis) for one in values]
+
+    return operation
+
+
+RULES["sort"] = _sort
+
+
+@_of("dimension_numbers", "preferred_element_type")
+def _dot_general(dimensions: Any, dtype: Any) -> Operation:
+    (first_summed, second_summed), (first_batch, second_batch) = dimensions
+
+    def operation(first: Any, second: Any) -> Any:
+        of_first = list(range(first.ndim))
+        of_second = [first.ndim + axis for axis in range(second.ndim)]
+        for pairs in ((first_summed, second_summed), (first_batch, second_batch)):
+            for axis, other in zip(*pairs, strict=True):
+                of_second[other] = of_first[axis]
+        batch = [of_first[axis] for axis in first_batch]
+        summed = [of_first[axis] for axis in first_summed]
+        free = [axis for axis in (*of_first, *of_second) if axis not in (*batch, *summed)]
+        found = np.einsum(first, of_first, second, of_second, [*batch, *free])
+        return found if dtype is None else found.astype(dtype)
+
+    return operation
+
+
+def _indexed(
+    start: Any,
+    shape: Sequence[int],
+    windows: Sequence[int],
+    of_operand: Mapping[int, int],
+    sizes: Sequence[int],
+    batching: tuple[Sequence[int], Sequence[int]],
+    operand_shape: Sequence[int],
+) -> list[Any]:
+    """Where every element of a gather's result, or of a scatter's updates, is in the operand.
+
+    Args:
+        start: indices where windows begin, the last axis one for each indexed axis.
+        shape: of the result or the updates.
+        windows: axes of ``shape`` within a window; the others are those of ``start``.
+        of_operand: which axis of ``start`` indexes an axis of the operand.
+        sizes: of a window, along the operand's axes; 1 where ``windows`` has none.
+        batching: axes of the operand that go with axes of ``start``, and these.
+        operand_shape: of the operand.
+
+    Returns:
+        For every axis of the operand its indices, not limited to what there is.
+    """
+    outer = [axis for axis in range(len(shape)) if axis not in windows]
+    within = iter(windows)
+    grid = [
+        np.arange(size).reshape([-1 if other == axis else 1 for other in range(len(shape))])
+        for axis, size in enumerate(shape)
+    ]
+    found = []
+    for axis in range(len(operand_shape)):
+        if axis in batching[0]:
+            found.append(grid[outer[batching[1][batching[0].index(axis)]]])
+            continue
+        index: Any = 0
+        if axis in of_operand:
+            given = start[..., of_operand[axis]]
+            placed = [1] * len(shape)
+            for own, size in zip(outer, given.shape, strict=True):
+                placed[own] = size
+            index = given.reshape(placed)
+        if sizes[axis] is not None:
+            index = index + grid[next(within)]
+        found.append(index)
+    return found
+
+
+def _gather(equation: JaxprEqn) -> Operation:
+    params, shape = equation.params, equation.outvars[0].aval.shape
+    numbers, sizes = params["dimension_numbers"], params["slice_sizes"]
+    dropped = (*numbers.collapsed_slice_dims, *numbers.operand_batching_dims)
+    own = [None if axis in dropped else size for axis, size in enumerate(sizes)]
+    fills = params["mode"] is jax.lax.GatherScatterMode.FILL_OR_DROP
+    filling = params["fill_value"]
+    if fills and filling is None:
+        dtype = equation.outvars[0].aval.dtype
+        filling = np.nan if np.issubdtype(dtype, np.inexact) else _lowest(dtype)
+        if np.issubdtype(dtype, np.unsignedinteger):
+            filling = _highest(dtype)
+    batching = numbers.operand_batching_dims, numbers.start_indices_batching_dims
+    of_operand = {axis: n for n, axis in enumerate(numbers.start_index_map)}
+
+    def operation(operand: Any, start: Any) -> Any:
+        most = np.array([operand.shape[axis] - sizes[axis] for axis in numbers.start_index_map])
+        inside = np.clip(start, 0, most)
+        places = _indexed(
+            inside, shape, numbers.offset_dims, of_operand, own, batching, operand.shape
+        )
+        found = operand[tuple(places)] if places else operand
+        found = np.broadcast_to(found, shape)
+        if not fills:
+            return found
+        there = np.all(inside == start, axis=-1)
+        outer = [axis for axis in range(len(shape)) if axis not in numbers.offset_dims]
+        spread = [1] * len(shape)
+        for axis, size in zip(outer, there.shape, strict=True):
+            spread[axis] = size
+        return np.where(there.reshape(spread), found, np.asarray(filling, operand.dtype))
+
+    return operation
+
+
+RULES["gather"] = _gather
+
+
+def _scatter(equation: JaxprEqn) -> Operation:
+    """Places that are set; those beyond the operand are left out, as are windows in part there."""
+    params = equation.params
+    numbers = params["dimension_numbers"]
+    if params["mode"] is jax.lax.GatherScatterMode.CLIP or numbers.update_window_dims:
+        return _by_jax(equation)
+    dropped = (*numbers.inserted_window_dims, *numbers.operand_batching_dims)
+    batching = numbers.operand_batching_dims, numbers.scatter_indices_batching_dims
+    of_operand = {axis: n for n, axis in enumerate(numbers.scatter_dims_to_operand_dims)}
+    combine = SCATTERED[equation.primitive.name]
+
+    def operation(operand: Any, start: Any, updates: Any) -> Any:
+        sizes = [None if axis in dropped else 1 for axis in range(operand.ndim)]
+        places = _indexed(start, updates.shape, (), of_operand, sizes, batching, operand.shape)
+        places = np.broadcast_arrays(*places, updates)[:-1]
+        there = np.ones(updates.shape, bool)
+        for index, size in zip(places, operand.shape, strict=True):
+            there &= (index >= 0) & (index < size)
+        changed = np.array(operand)
+        combine(changed, tuple(index[there] for index in places), updates[there])
+        return changed
+
+    return operation
+
+
+SCATTERED: dict[str, Callable[[Any, Any, Any], None]] = {
+    "scatter": operator.setitem,
+    "scatter-add": np.add.at,
+}
+RULES |= dict.fromkeys(SCATTERED, _scatter)
+
+
+def _called(name: str) -> Rule:
+    """A primitive that calls a program."""
+
+    def rule(equation: JaxprEqn) -> Operation:
+        return _Steps(_closed(equation.params[name]))
+
+    return rule
+
+
+def _closed(program: ClosedJaxpr | Jaxpr) -> ClosedJaxpr:
+    return program if isinstance(program, ClosedJaxpr) else ClosedJaxpr(program, ())
+
+
+RULES |= dict.fromkeys(("jit", "closed_call", "core_call", "checkpoint"), _called("jaxpr"))
+RULES |= dict.fromkeys(("custom_jvp_call", "custom_vjp_call"), _called("call_jaxpr"))
+
+
+@_of("branches")
+def _cond(branches: Sequence[ClosedJaxpr]) -> Operation:
+    programs = [_Steps(one) for one in branches]
+
+    def operation(which: Any, *args: Any) -> Any:
+        return programs[int(np.clip(which, 0, len(programs) - 1))](*args)
+
+    return operation
+
+
+@_of("cond_jaxpr", "body_jaxpr", "cond_nconsts", "body_nconsts")
+def _while(condition: ClosedJaxpr, body: ClosedJaxpr, of_condition: int, of_body: int) -> Operation:
+    goes_on, step = _Steps(condition), _Steps(body)
+
+    def operation(*args: Any) -> Any:
+        first, second = args[:of_condition], args[of_condition : of_condition + of_body]
+        state = list(args[of_condition + of_body :])
+        while goes_on(*first, *state)[0]:
+            state = step(*second, *state)
+        return state
+
+    return operation
+
+
+@_of("jaxpr", "length", "reverse", "num_consts", "num_carry")
+def _scan(body: ClosedJaxpr, length: int, reverse: bool, constants: int, carried: int) -> Operation:
+    step = _Steps(body)
+    results = [var.aval for var in body.jaxpr.outvars[carried:]]
+
+    def operation(*args: Any) -> Any:
+        fixed, state = args[:constants], list(args[constants : constants + carried])
+        rows = args[constants + carried :]
+        found = [np.empty((length, *aval.shape), aval.dtype) for aval in results]
+        for at in reversed(range(length)) if reverse else range(length):
+            new = step(*fixed, *state, *(row[at] for row in rows))
+            state = new[:carried]
+            for one, value in zip(found, new[carried:], strict=True):
+                one[at] = value
+        return [*state, *found]
+
+    return operation

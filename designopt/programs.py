@@ -1,0 +1,147 @@
+"""Functions that a person waits for: compiled quickly, and answered by NumPy until that is done."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from designopt.batching import side_by_side
+from designopt.interpreter import Interpreter
+
+QUICK = {"xla_cpu_use_fusion_emitters": False}
+"""Options of XLA, as `jax.jit` takes them: less than half the time, for programs as fast."""
+
+
+class Program:
+    """A function as `jax.jit` compiles it, with `QUICK`; nothing happens before its first call.
+
+    While a `Prompt` answers, NumPy computes it until it is compiled.
+
+    Attributes:
+        compiled: the function as `jax.jit` returns it.
+
+    Example:
+        >>> double = Program(lambda value: 2 * value)
+        >>> float(double(1.5))
+        3.0
+    """
+
+    def __init__(self, function: Callable[..., Any], static_argnames: Sequence[str] = ()) -> None:
+        """The program.
+
+        Args:
+            function: pure.
+            static_argnames: as of `jax.jit`; such arguments are given by their names.
+        """
+        functools.update_wrapper(self, function)
+        self._function, self.static = function, tuple(static_argnames)
+
+    @functools.cached_property
+    def compiled(self) -> Callable[..., Any]:
+        """See the class."""
+        return jax.jit(
+            self._function, static_argnames=self.static, compiler_options=known_options()
+        )
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        """What the function returns."""
+        prompt = _ANSWERING.get()
+        if prompt is None or any(isinstance(one, jax.core.Tracer) for one in jax.tree.leaves(args)):
+            return self.compiled(*args, **kwargs)
+        return prompt.answer(self, args, kwargs)
+
+    def when_compiled(self, *args: Any, **kwargs: Any) -> Any:
+        """The same; ``None`` where it is not compiled yet while a `Prompt` answers."""
+        prompt = _ANSWERING.get()
+        if prompt is not None and not prompt.has_compiled(self, args, kwargs):
+            return None
+        return self.compiled(*args, **kwargs)
+
+
+@functools.cache
+def known_options() -> dict[str, Any]:
+    """`QUICK`, unless this version of XLA does not know it."""
+    try:
+        jax.jit(jnp.negative, compiler_options=QUICK)(0.0)
+    except jax.errors.JaxRuntimeError:
+        return {}
+    return QUICK
+
+
+@dataclass
+class _Call:
+    """A program with arguments of one structure; what computes it until it is compiled."""
+
+    run: Callable[[], Any]
+    interpreter: Interpreter | None = None
+    is_compiled: bool = False
+
+
+class Prompt:
+    """Answers at once: what programs return is computed by NumPy until it is compiled.
+
+    Example:
+        >>> prompt, double = Prompt(), Program(lambda value: 2 * value)
+        >>> with prompt.answering():
+        ...     print(float(double(1.5)), double.when_compiled(1.5))
+        3.0 None
+        >>> prompt.compile()
+        >>> with prompt.answering():
+        ...     print(float(double(1.5)), float(double.when_compiled(1.5)))
+        3.0 3.0
+    """
+
+    def __init__(self) -> None:
+        self._calls: dict[Hashable, _Call] = {}
+
+    @contextmanager
+    def answering(self) -> Iterator[None]:
+        """Within it, and in its thread, programs are answered at once."""
+        token = _ANSWERING.set(self)
+        try:
+            yield
+        finally:
+            _ANSWERING.reset(token)
+
+    def compile(self) -> None:
+        """Compile what was called, with all cores and in the float type of whoever calls this."""
+        while waiting := [one for one in list(self._calls.values()) if not one.is_compiled]:
+            side_by_side([one.run for one in waiting])
+            for one in waiting:
+                one.is_compiled, one.interpreter = True, None
+
+    def has_compiled(self, program: Program, args: Any, kwargs: Any) -> bool:
+        """Whether a program is compiled for arguments like these; it is to be, from now on."""
+        return self._call(program, args, kwargs).is_compiled
+
+    def answer(self, program: Program, args: Any, kwargs: Any) -> Any:
+        """What a program returns."""
+        call = self._call(program, args, kwargs)
+        if call.is_compiled:
+            return program.compiled(*args, **kwargs)
+        given = {name: value for name, value in kwargs.items() if name not in program.static}
+        if (interpreter := call.interpreter) is None:
+            traced = program.compiled.trace(*args, **kwargs)  # type: ignore[attr-defined]
+            interpreter = call.interpreter = Interpreter(traced)
+        return interpreter(*args, **given)
+
+    def _call(self, program: Program, args: Any, kwargs: Any) -> _Call:
+        fixed = {name: kwargs[name] for name in program.static if name in kwargs}
+        given = {name: value for name, value in kwargs.items() if name not in fixed}
+        leaves, tree = jax.tree.flatten((args, given))
+        types = tuple((np.shape(leaf), np.result_type(leaf)) for leaf in leaves)
+        key = program, tuple(fixed.items()), tree, types
+        if key not in self._calls:
+            self._calls[key] = _Call(functools.partial(program.compiled, *args, **kwargs))
+        return self._calls[key]
+
+
+_ANSWERING: ContextVar[Prompt | None] = ContextVar("answering", default=None)
