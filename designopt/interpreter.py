@@ -53,6 +53,22 @@ class Interpreter:
         return jax.tree.unflatten(self._tree, [np.asarray(one) for one in found])
 
 
+def interpret(function: Callable[..., Any], *args: Any) -> Any:
+    """What a function returns, by NumPy: for what is computed once, and compiled for longer.
+
+    JAX compiles each operation of its own outside of a program.
+
+    Args:
+        function: pure.
+        args: none of them static.
+
+    Example:
+        >>> float(interpret(lambda value: value / 2, 3.0))
+        1.5
+    """
+    return Interpreter(jax.jit(function).trace(*args))(*args)
+
+
 class _Steps:
     """The equations of a program in their order, between places of one list."""
 

@@ -111,6 +111,11 @@ class Prompt:
         finally:
             _ANSWERING.reset(token)
 
+    @property
+    def is_behind(self) -> bool:
+        """Whether anything was called that is not compiled."""
+        return not all(one.is_compiled for one in [*self._calls.values()])
+
     def compile(self) -> None:
         """Compile what was called, with all cores and in the float type of whoever calls this."""
         while waiting := [one for one in list(self._calls.values()) if not one.is_compiled]:

@@ -9,6 +9,7 @@ import traceback
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +30,14 @@ from designopt.explore.messages import (
 from designopt.explore.saving import save_specs
 from designopt.explore.wire import Wire, changed_fields, encode_panels, finite
 from designopt.explore.worker import Worker
-from designopt.optimize.parametric import TOLERANCE, MeasureBound, Parameter, Values, shortfalls
+from designopt.optimize.parametric import (
+    TOLERANCE,
+    Measure,
+    MeasureBound,
+    Parameter,
+    Values,
+    shortfalls,
+)
 from designopt.programs import Prompt
 
 if TYPE_CHECKING:
@@ -112,11 +120,10 @@ class Session:
     def __init__(self, explorer: Explorer, folder: Path, send: Send) -> None:
         self._explorer, self._folder, self._send = explorer, folder, send
         self._design = design = explorer.design
-        self._prompt = Prompt()
+        self._prompt, self._compiling = Prompt(), False
         with self._prompt.answering():
             self.parameters = {one.name: one for one in (*explorer.joints, *design.parameters)}
         self._dimensions = [one.name for one in design.parameters]
-        self._measures = {one.name: one for one in design.measures}
         self._presets: dict[str, Values] = {AS_DESIGNED: explorer.values(), **explorer.presets}
         bounds = {name: (one.low, one.high) for name, one in self.parameters.items()}
         self._history = History(Settings(explorer.values(), frozenset(), bounds))
@@ -131,9 +138,7 @@ class Session:
             "parameters": [
                 _parameter(one, joint=one in explorer.joints) for one in self.parameters.values()
             ],
-            "measures": [
-                [one.name, one.description, one.unit, one.worst] for one in design.measures
-            ],
+            "measures": [],  # likewise
             "panels": [],
             "readouts": None,
             "message": "",
@@ -188,7 +193,7 @@ class Session:
                 self._known([name], self._presets)
                 self._set(self._presets[name])
             case Optimise(measure=measure):
-                self._known([measure], self._measures)
+                self._known([measure], [row[0] for row in self.model["measures"]])
                 self._optimise(measure)
             case Save(although_failing=although):
                 values = self._now.values
@@ -198,6 +203,11 @@ class Session:
     def _known(self, names: Iterable[str], among: Iterable[str]) -> None:
         if unknown := set(names) - set(among):
             raise MessageError(f"no such name: {min(unknown)}")
+
+    @cached_property
+    def _measures(self) -> Mapping[str, Measure]:
+        """By their names; a finger finds out which parts can meet before it has any."""
+        return {one.name: one for one in self._design.measures}
 
     @property
     def _now(self) -> Settings:
@@ -343,8 +353,11 @@ class Session:
                 state, panels = found
                 self._publish_state(state, panels, seqs)
             if self._judged is None and self._rest is None:
-                self._slow.submit("compile", self._prompt.compile, self._compiled)
+                self._slow.submit("measures", self._list_measures, self._listed)
                 self._judge_soon()
+            if self._prompt.is_behind and not self._compiling:
+                self._compiling = True
+                self._slow.submit("compile", self._prompt.compile, self._compiled)
 
         self._picture.submit("show", lambda: self._computed(values), done)
 
@@ -357,8 +370,17 @@ class Session:
         with self._prompt.answering():
             return encode_panels(self._explorer.sketch())
 
+    def _list_measures(self) -> list[Wire]:
+        measures = self._design.measures
+        return [[one.name, one.description, one.unit, one.worst] for one in measures]
+
+    def _listed(self, future: Future) -> None:
+        if (measures := self._result(future)) is not None:
+            self._publish(measures=measures)
+
     def _compiled(self, future: Future) -> None:
         """Show what is computed by compiled programs alone."""
+        self._compiling = False
         self._result(future)
         self._show()
 

@@ -13,7 +13,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
-from scipy.stats import qmc
 
 from designopt.batching import map_in_chunks
 from designopt.optimize.augmented_lagrangian import FIRST_PENALTY
@@ -48,6 +47,8 @@ def draw_sobol_starts(problem: Problem, count: int, seed: int) -> Parameters:
     upper, _ = ravel_pytree(problem.upper)
     if not bool(jnp.all(jnp.isfinite(lower) & jnp.isfinite(upper))):
         raise ValueError("draw_sobol_starts: every parameter needs a finite lower and upper bound")
+    from scipy.stats import qmc  # takes a second, and not every search has many starts
+
     sampler = qmc.Sobol(lower.size, rng=np.random.default_rng(seed))
     power = max(count - 1, 0).bit_length()
     points = jnp.asarray(sampler.random_base2(power)[:count], lower.dtype)

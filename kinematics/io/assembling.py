@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.optimize
 
 from kinematics.model.topology import WORLD, Incidence, Structure
 
@@ -271,6 +270,8 @@ class Equations:
             residual, jacobian = self.residual_and_jacobian(vector)
             rest = np.concatenate([residual, held @ vector - values])
             return rest, np.vstack([jacobian, held])
+
+        import scipy.optimize  # half a second, and most sketches are assembled without
 
         found = scipy.optimize.least_squares(
             lambda vector: both(vector)[0],

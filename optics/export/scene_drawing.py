@@ -91,7 +91,8 @@ def draw_scene(scene: Scene, angles: Angles, *, title: str = "") -> Drawing:
         title: of the drawing; the scene's name by default.
     """
     layout, section = scene.layout, Section.of(scene, angles)
-    designed = np.asarray(scene.surface_ends, float)
+    designed = section.designed
+    assert designed is not None  # of a whole scene
     coats = _coats(scene, section)
     first = len(layout.mirrors)
     pads = [

@@ -13,7 +13,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.stats import qmc
 
 from designopt.errors import UserError
 from designopt.io.spec import SpecFile
@@ -342,6 +341,8 @@ def _poses_of(joints: Sequence[Parameter], which: int) -> Float[np.ndarray, "pos
         grid = list(itertools.product(*(np.linspace(low, high, count) for low, high in ranges)))
         return np.array(grid).reshape(len(grid), len(ranges))
     low, high = np.transpose(ranges)
+    from scipy.stats import qmc  # takes a second, of which a page has no use
+
     scattered = qmc.Sobol(len(ranges), scramble=False).random(SCATTERED[which])
     return low + scattered * (high - low)
 

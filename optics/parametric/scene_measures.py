@@ -23,8 +23,8 @@ from optics.visibility.focus import find_blur
 from optics.visibility.sharpness import ROUNDING, Sharpness, find_sharpness
 from optics.visibility.views import Pieces
 
-ROOM = 8
-"""Pieces of a pad of which resolution is asked; more only where there are more."""
+ROOMS = (2, 4, 8)
+"""Pieces of a pad of which resolution is asked: as few of these as are enough, if any is."""
 
 PLACES = 9
 """Places along a pad at which resolution is asked for, its ends included."""
@@ -71,7 +71,7 @@ def sharpness_of(
     room = pieces.present.shape[-1]
     # All pieces that there are come first.
     most = int(np.max(np.sum(np.asarray(pieces.present), axis=-1), initial=0))
-    room = min(ROOM, room) if most <= ROOM else room
+    room = min([room, *(some for some in ROOMS if some >= most)])
     pieces = jax.tree.map(lambda leaf: np.asarray(leaf)[:, :, :room], pieces)
     return find_sharpness(scene, angles, pieces, bounces=scene.layout.bounces)
 

@@ -44,6 +44,7 @@ class Section:
             its arc, mm.
         hinges: where the frames' hinges are, mm.
         stacks: the layers of every pad that has any, or none at all.
+        designed: ends of every surface in the reference pose, mm.
     """
 
     camera: Point
@@ -51,17 +52,19 @@ class Section:
     lines: tuple[Points, ...]
     hinges: Points
     stacks: tuple[LayerSection | None, ...] = ()
+    designed: Float[np.ndarray, "surfaces 2 2"] | None = None
 
     @classmethod
     def of(cls, scene: Scene, angles: Angles) -> Section:
         """The section of a scene at joint angles in rad."""
-        camera, axis, ends, arcs, hinges = jax.tree.map(
+        camera, axis, ends, arcs, hinges, designed = jax.tree.map(
             lambda leaf: np.asarray(leaf, float), _placed(scene, angles)
         )
         lines = list(ends)
         for surface, arc in zip(scene.layout.curved, arcs, strict=True):
             lines[surface] = arc
-        return cls(camera, float(axis), tuple(lines), hinges, stacks_of(scene, lines))
+        stacks = stacks_of(scene, lines)
+        return cls(camera, float(axis), tuple(lines), hinges, stacks, designed)
 
     def pad(self, scene: Scene, pad: int) -> Points:
         """Ends of a pad, by its index: of its membrane, where layers lie on it."""
@@ -85,7 +88,7 @@ class Section:
 
 @Program
 def _placed(scene: Scene, angles: Float[Array, " joints"]) -> tuple[Array, ...]:
-    """Camera, its axis (rad), ends of the surfaces, points of the arcs and hinges, mm."""
+    """Camera, its axis (rad), ends of surfaces, points of arcs, hinges, ends as designed, mm."""
     placed, parts = place(scene, angles), jnp.linspace(0, 1, ARC, dtype=scene.mirrors.dtype)
 
     def absolute(part: Vector) -> Array:
@@ -97,7 +100,8 @@ def _placed(scene: Scene, angles: Float[Array, " joints"]) -> tuple[Array, ...]:
     if arcs is not None:
         bent = absolute(jax.vmap(lambda arc: jax.vmap(arc.place)(parts))(arcs))
     camera = absolute(placed.camera)
-    return camera, placed.axis.angle(), ends, bent, absolute(placed.hinges)
+    hinges = absolute(placed.hinges)
+    return camera, placed.axis.angle(), ends, bent, hinges, scene.surface_ends
 
 
 def rays_to(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -57,6 +57,10 @@ ORIGINS = {"E": "F", "D": "C", pin_name("H"): "C", "C": "B", "G": "A", "Q": "B"}
 crank."""
 
 
+Numbers = Float[np.ndarray, " parameters"]
+"""Of a finger, in the order and the units of its parameters."""
+
+
 class Swept(NamedTuple):
     """A linkage in the pose that is shown, and then over the range of one joint.
 
@@ -107,6 +111,7 @@ class FingerExplorer(Explorer):
             for name, part in (("straight", 0.0), ("half closed", 0.5), ("closed", 1.0))
         }
         self._last, self._column = tuple(0.0 for _ in ends), 0
+        self._scene: tuple[bytes, Any] = b"", None
         self._curve_of: list[bytes] = []
         self._curve = np.full((PLACES, len(PHALANGES)), np.nan)
         self._scene_of = Program(lambda numbers: design.traced(numbers).scene())
@@ -115,12 +120,12 @@ class FingerExplorer(Explorer):
 
     def sketch(self) -> Sequence[View]:
         """See `Explorer`."""
-        finger, views, numbers = self._designed, [], self.design.vector(self.values())
+        finger, views, numbers = self._designed, [], self._numbers(self.values())
         swept = self._solved(numbers, np.zeros((PLACES + 1, len(self.joints))))
         if swept is not None:
             views.append(self._linkage_view(sketched_scene(swept.linkage)))
         if finger.camera is not None:
-            scene = jax.tree.map(np.asarray, self._scene_of(numbers))
+            scene = self._scene_at(numbers)
             drawing = draw_scene(scene, np.zeros(2), title=self.design.title)
             handles = self._optical_handles(drawing)
             views.append(View(SEEN, drawing, handles, part_notes(scene, drawing)))
@@ -131,7 +136,7 @@ class FingerExplorer(Explorer):
         degrees = tuple(values[joint.name] for joint in self.joints)
         moved = [i for i, now in enumerate(degrees) if now != self._last[i]]
         self._column, self._last = (moved[0] if moved else self._column), degrees
-        numbers = self.design.vector(values)
+        numbers = self._numbers(values)
         rows = np.tile(np.radians(degrees), (PLACES + 1, 1))
         rows[1:, self._column] = np.linspace(0.0, np.radians(self._joint.high), PLACES)
         swept = self._solved(numbers, rows)
@@ -169,7 +174,7 @@ class FingerExplorer(Explorer):
 
     def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
         """See `Explorer`; what carries the part stays in its pose."""
-        numbers, at = self.design.vector(values), complex(*place)
+        numbers, at = self._numbers(values), complex(*place)
         flexion = np.radians([[values[joint.name] for joint in self.joints]])
         swept = self._solved(numbers, np.repeat(flexion, PLACES + 1, axis=0))
         if handle.startswith(PIN):
@@ -186,17 +191,29 @@ class FingerExplorer(Explorer):
         }
         return {**values, **clipped}
 
-    def _solved(self, numbers: Array, rows: np.ndarray) -> Swept | None:
+    def _numbers(self, values: Values) -> Numbers:
+        return np.array([values[one.name] for one in self.design.parameters], float)
+
+    def _solved(self, numbers: Numbers, rows: np.ndarray) -> Swept | None:
         """The linkage in postures of both joints, or of PIP; ``None`` without one."""
         if self._designed.pins is None:
             return None
-        return jax.tree.map(np.asarray, self._sweep(numbers, rows))
+        swept = self._sweep(numbers, rows)
+        # The linkage has many numbers, of which hardly any is asked for.
+        own = swept._replace(linkage=None)
+        return jax.tree.map(np.asarray, own)._replace(linkage=swept.linkage)
 
-    def _looked(self, numbers: Array, rows: np.ndarray) -> tuple[Scene, Seen] | None:
+    def _scene_at(self, numbers: Numbers) -> Scene:
+        """The scene in NumPy arrays; the last one is kept for when joints alone are turned."""
+        if self._scene[0] != (key := numbers.tobytes()):
+            self._scene = key, jax.tree.map(np.asarray, self._scene_of(numbers))
+        return self._scene[1]
+
+    def _looked(self, numbers: Numbers, rows: np.ndarray) -> tuple[Scene, Seen] | None:
         """The scene, and what is seen in the first posture; the curve of coverage is kept."""
         if self._designed.camera is None:
             return None
-        scene = jax.tree.map(np.asarray, self._scene_of(numbers))
+        scene = self._scene_at(numbers)
         rest = [leaf.tobytes() for leaf in (rows[1:], *jax.tree.leaves(scene))]
         if rest != self._curve_of:
             curve = self._cover.when_compiled(scene, rows[1:])

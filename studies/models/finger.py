@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt import UserError
+from designopt.interpreter import interpret
 from kinematics.io.pinned import assembly_signs, pinned_linkage, pinned_tables
 from kinematics.model.linkage import Linkage
 from kinematics.model.linkage import Spring as LinkageSpring
@@ -109,7 +110,7 @@ class Finger(eqx.Module):
                 "[motor]; give both or neither"
             )
         if pins is not None:
-            joints = _joints(body, pins, motor)
+            joints = interpret(_joints, body, pins, motor)
             places = {joint: np.asarray(at, float) for joint, at in joints.items()}
             by_joints, by_crank = (
                 assembly_signs(

@@ -21,15 +21,24 @@ export class Chart {
   }
 
   take(change) {
-    for (const key of ['x_label', 'y_label', 'series', 'at', 'y_range']) {
-      if (key in change) this[key] = change[key];
+    for (const key of ['x_label', 'y_label', 'series', 'y_range']) {
+      if (!(key in change)) continue;
+      this[key] = change[key];
+      this.isStale = true;
     }
-    this.isStale = true;
+    if (!('at' in change)) return;
+    this.at = change.at;
+    this.isMoved = true;
   }
 
   show() {
+    if (this.isStale) this.build();
+    else if (this.isMoved) this.mark();
+  }
+
+  build() {
     const { clientWidth: width, clientHeight: height } = this.stage;
-    if (!this.isStale || !width) return;
+    if (!width) return;
     this.isStale = false;
     const legend = this.legend(width);
     const [xs, ys] = [1, 2].map((axis) => this.series.flatMap((one) => one[axis]).filter((one) => one !== null));
@@ -54,13 +63,10 @@ export class Chart {
       }).join('');
       inside.append(svg('path', { class: `curve s${number % KINDS}`, d }));
     });
-    if (this.at !== null) {
-      inside.append(svg('path', { class: 'now', d: `M${x(this.at)} ${top}V${height - BELOW}` }));
-      for (const one of this.series) {
-        const value = valueAt(one, this.at);
-        if (value !== null) inside.append(svg('circle', { class: 'dot', cx: x(this.at), cy: y(value), r: 4.5 }));
-      }
-    }
+    this.now = svg('g');
+    inside.append(this.now);
+    Object.assign(this.frame, { x, y, top });
+    this.mark();
     const [middle, floor] = [margin + this.frame.width / 2, height - BELOW];
     this.svg.replaceChildren(
       svg('clipPath', { id: this.clip }, svg('rect', { x: margin - 3, y: top - 3, width: this.frame.width + 6, height: floor - top + 6 })),
@@ -74,6 +80,16 @@ export class Chart {
       text(this.x_label, { x: middle, y: height - 6, 'text-anchor': 'middle' }),
       text(this.y_label, { transform: `translate(13 ${(top + floor) / 2}) rotate(-90)`, 'text-anchor': 'middle' }),
       inside, ...legend.elements);
+  }
+
+  // Where the design stands now on all curves.
+  mark() {
+    this.isMoved = false;
+    const { x, y, top, bottom } = this.frame;
+    const dots = this.series.map((one) => valueAt(one, this.at)).filter((value) => value !== null);
+    this.now.replaceChildren(...this.at === null ? [] : [
+      svg('path', { class: 'now', d: `M${x(this.at)} ${top}V${bottom}` }),
+      ...dots.map((value) => svg('circle', { class: 'dot', cx: x(this.at), cy: y(value), r: 4.5 }))]);
   }
 
   // Names of the curves in lines above them.

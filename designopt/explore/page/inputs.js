@@ -95,8 +95,14 @@ export class Inputs {
     return Math.min(Math.max(Number((Math.round(value / step) * step).toPrecision(12)), low), high);
   }
 
+  // Rows of which nothing has changed are left alone: most of them, at every move.
   show() {
-    for (const row of this.rows) this.showRow(row);
+    for (const row of this.rows) if (row.shown !== this.state(row)) this.showRow(row);
+  }
+
+  state({ one: { name } }) {
+    const { values, locked, bounds } = this.link.model;
+    return [values[name], locked.includes(name), ...bounds[name]].join(' ');
   }
 
   // A value that this tab has changed since is left alone until the server has it.
@@ -112,7 +118,9 @@ export class Inputs {
     [slider.min, slider.max] = [least, most];
     lock.checked = locked;
     slider.disabled = number.disabled = locked;
+    row.shown = null;
     if (row.sent > seqs.seq) return;
+    row.shown = this.state(row);
     put(number, numberText(value));
     if (!row.held) put(slider, String(value));
     slider.setAttribute('aria-valuetext', withUnit(numberText(value), one.unit));

@@ -75,10 +75,13 @@ socket.addEventListener('message', ({ data }) => {
   if ('shown' in received) changed.add('panels');
   Object.assign(model, fields);
   for (const name of Object.keys(fields)) changed.add(ALSO[name] ?? name);
-  if (!frame) frame = requestAnimationFrame(render);
+  // A picture is drawn while the next frame is waited for.
+  if ('shown' in received) render();
+  else if (!frame) frame = requestAnimationFrame(render);
 });
 
 function render() {
+  cancelAnimationFrame(frame);
   frame = 0;
   for (const [name, renderer] of Object.entries(RENDERERS)) {
     if (changed.delete(name)) renderer();
@@ -95,12 +98,14 @@ function measure() {
   if (!shown.length) return;
   const start = sentAt.get(shown.at(-1));
   shown.forEach((seq) => sentAt.delete(seq));
-  const { port1, port2 } = new MessageChannel();
-  port1.onmessage = () => {
-    performance.measure('change to picture', { start, end: performance.now() });
-    port1.close();
-  };
-  port2.postMessage(null);
+  requestAnimationFrame(() => {
+    const { port1, port2 } = new MessageChannel();
+    port1.onmessage = () => {
+      performance.measure('change to picture', { start, end: performance.now() });
+      port1.close();
+    };
+    port2.postMessage(null);
+  });
 }
 
 socket.addEventListener('close', ({ reason }) => {

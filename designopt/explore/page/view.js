@@ -88,6 +88,7 @@ export class View {
       stroke: color, 'stroke-linejoin': 'round', fill: fill ? color : 'none', 'fill-opacity': fill || 1,
     }));
     this.world.replaceChildren(...this.groups);
+    this.styled = null;
     if (!this.canvas) this.fill();
   }
 
@@ -163,11 +164,12 @@ export class View {
     const { scale, x, y } = this;
     if (scale === undefined) return;
     this.world.setAttribute('transform', `matrix(${scale} 0 0 ${scale} ${x} ${y})`);
-    this.layers.forEach(([, , , width, dashed], number) => {
+    if (this.styled !== scale) this.layers.forEach(([, , , width, dashed], number) => {
       const group = this.groups[number];
       group.setAttribute('stroke-width', (PAPER * width) / scale);
       if (dashed) group.setAttribute('stroke-dasharray', `${7 / scale} ${4 / scale}`);
     });
+    this.styled = scale;
     if (this.canvas) this.paint();
     this.overlay.replaceChildren(...this.labelTexts(), ...this.handles.flatMap((one) => this.handle(one)));
   }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import jax
@@ -11,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from designopt.interpreter import interpret
 from designopt.vectors import Vector, fold_angle, rotation, vector
 from kinematics.solve.clearance import find_separation
 from studies.models.finger import Finger, coupling_pins_of, linkage_pins, links_of
@@ -96,7 +98,7 @@ def completed(finger: Finger) -> Finger:
 def own_limits(finger: Finger) -> LimitsSpec:
     """The limits of the settings for a finger of which only its file is known: with its width."""
     limits = LimitsSpec()
-    width = max(limits.width, float(links_of(completed(finger)).width))
+    width = max(limits.width, float(interpret(lambda one: links_of(completed(one)).width, finger)))
     return limits.model_copy(update={"width": width})
 
 
@@ -178,14 +180,15 @@ class LinkageAspect:
             yield self._ask(label, limits.safety, "", scale=1.0)
 
     def _room(self, finger: Finger) -> Iterable[Asked]:
-        limits, keep = self._limits, float(from_faces(finger, self._limits))
+        limits = self._limits
+        keep = float(interpret(partial(from_faces, limits=limits), finger))
         for label in self._apart:
             yield self._ask(label, limits.spacing)
         if self._six_bar:
             yield self._ask("|AF|", limits.crank_offset)
             yield self._ask("|EF|", limits.crank_length, "mm", "greatest")
         at = {name: Vector(jnp.zeros(()), jnp.zeros(())) for name in linkage_pins(finger).names}
-        for label in _inside(finger, at):
+        for label in jax.eval_shape(_inside, finger, at):
             yield self._gap(label, keep, keep - limits.clearance)
         for meeting in self._meetings:
             yield self._gap(name_of(meeting), limits.clearance)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -10,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from designopt.interpreter import interpret
 from designopt.optimize.parametric import Parameter
 from studies.models.finger import Finger
 from studies.models.finger_parts import PHALANGES
@@ -129,7 +131,7 @@ def _of_optics(finger: Finger, spec: MirrorSpec) -> list[_Part]:
     """Places of camera and mirrors, between the bounds of their own search."""
     if finger.camera is None:
         return []
-    low, high = bounds(finger, spec)
+    low, high = interpret(partial(bounds, spec=spec), finger)
 
     def part(leaf: Leaf, names: Sequence[str], unit: str = "mm") -> _Part:
         return _Part(leaf, tuple(names), np.asarray(leaf(low)), np.asarray(leaf(high)), unit)

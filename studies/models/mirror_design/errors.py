@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
-import scipy.stats
 from jaxtyping import Array, Float
 
 from optics.scene.fabrication import displaced
@@ -59,6 +58,8 @@ def spread_evenly(
     """
     sizes = deviations(tolerances, mirrors)
     # Asked for in a power of two, as its balance needs.
+    import scipy.stats  # takes a second, and most commands draw no errors
+
     sobol = scipy.stats.qmc.Sobol(len(sizes), rng=np.random.default_rng([seed, 1]))
     even = sobol.random_base2(int(np.ceil(np.log2(count))))[:count]
     return sizes * scipy.stats.norm.ppf(even)

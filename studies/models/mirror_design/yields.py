@@ -7,7 +7,6 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy.stats
 from jaxtyping import Array, Float
 
 from designopt.batching import map_blocks
@@ -59,6 +58,8 @@ def share_of(coverage: Float[np.ndarray, "draws poses pads"]) -> Yield:
     """
     whole = coverage >= 1 - ROUNDING
     good, draws = int(np.sum(np.all(whole, axis=(1, 2)))), len(whole)
+    import scipy.stats  # takes a second, and most commands find no yield
+
     low, high = scipy.stats.binomtest(good, draws).proportion_ci(method="wilson")
     # Rounding may leave a share of 0 or 1 outside.
     value = good / draws
