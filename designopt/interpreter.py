@@ -13,7 +13,7 @@ from typing import Any
 
 import jax
 import numpy as np
-from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
+from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, jaxpr_as_fun
 
 Operation = Callable[..., Any]
 """Of arrays; returns an array, or several if its primitive does."""
@@ -115,13 +115,15 @@ class _Steps:
 
 
 def _by_jax(equation: JaxprEqn) -> Operation:
-    """Whatever has no rule."""
-    primitive, params = equation.primitive, equation.params
+    """Whatever has no rule, as a program of its own."""
+    given = [*dict.fromkeys(var for var in equation.invars if not isinstance(var, Literal))]
+    program = Jaxpr((), given, equation.outvars, [equation], equation.effects)
+    function = jax.jit(jaxpr_as_fun(ClosedJaxpr(program, ())))
+    firsts = [equation.invars.index(var) for var in given]
 
     def operation(*args: Any) -> Any:
-        functions, others = primitive.get_bind_params(params)
-        found = primitive.bind(*functions, *map(jax.numpy.asarray, args), **others)
-        return jax.tree.map(np.asarray, found)
+        found = [np.asarray(one) for one in function(*(args[first] for first in firsts))]
+        return found if equation.primitive.multiple_results else found[0]
 
     return operation
 
@@ -596,11 +598,17 @@ def _while(condition: ClosedJaxpr, body: ClosedJaxpr, of_condition: int, of_body
     def operation(*args: Any) -> Any:
         first, second = args[:of_condition], args[of_condition : of_condition + of_body]
         state = list(args[of_condition + of_body :])
-        while goes_on(*first, *state)[0]:
-            state = step(*second, *state)
+        while np.any(going := goes_on(*first, *state)[0]):
+            new = step(*second, *state)
+            # Of a batch each element stays as it is from when it has ended.
+            state = new if np.ndim(going) == 0 else list(map(partial(_kept, going), new, state))
         return state
 
     return operation
+
+
+def _kept(going: Any, new: Any, old: Any) -> Any:
+    return np.where(going.reshape(going.shape + (1,) * (np.ndim(new) - going.ndim)), new, old)
 
 
 @_of("jaxpr", "length", "reverse", "num_consts", "num_carry")

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import jax
@@ -20,13 +21,16 @@ QUICK = {"xla_cpu_use_fusion_emitters": False}
 """Options of XLA, as `jax.jit` takes them: less than half the time, for programs as fast."""
 
 
+MOST_PACKED = 2**17
+"""Numbers that are worth copying, so that a program has one result of each type: JAX takes longer
+over a result than over a thousand numbers."""
+
+
 class Program:
     """A function as `jax.jit` compiles it, with `QUICK`; nothing happens before its first call.
 
-    While a `Prompt` answers, NumPy computes it until it is compiled.
-
-    Attributes:
-        compiled: the function as `jax.jit` returns it.
+    It returns NumPy arrays, but where JAX traces it. While a `Prompt` answers, NumPy computes it
+    until it is compiled.
 
     Example:
         >>> double = Program(lambda value: 2 * value)
@@ -45,25 +49,71 @@ class Program:
         self._function, self.static = function, tuple(static_argnames)
 
     @functools.cached_property
-    def compiled(self) -> Callable[..., Any]:
-        """See the class."""
-        return jax.jit(
-            self._function, static_argnames=self.static, compiler_options=known_options()
-        )
+    def _compiled(self) -> Callable[..., _Packed]:
+        def packed(*args: Any, **kwargs: Any) -> _Packed:
+            return _Packed.of(self._function(*args, **kwargs))
+
+        return jax.jit(packed, static_argnames=self.static, compiler_options=known_options())
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """What the function returns."""
+        if any(isinstance(one, jax.core.Tracer) for one in jax.tree.leaves((args, kwargs))):
+            return self._function(*args, **kwargs)
         prompt = _ANSWERING.get()
-        if prompt is None or any(isinstance(one, jax.core.Tracer) for one in jax.tree.leaves(args)):
-            return self.compiled(*args, **kwargs)
-        return prompt.answer(self, args, kwargs)
+        return self.run(*args, **kwargs) if prompt is None else prompt.answer(self, args, kwargs)
+
+    def run(self, *args: Any, **kwargs: Any) -> Any:
+        """What it returns once it is compiled, which it is if need be."""
+        return self._compiled(*args, **kwargs).unpacked()
+
+    def trace(self, *args: Any, **kwargs: Any) -> jax.stages.Traced:
+        """The function as JAX traces it."""
+        return jax.jit(self._function, static_argnames=self.static).trace(*args, **kwargs)
 
     def when_compiled(self, *args: Any, **kwargs: Any) -> Any:
         """The same; ``None`` where it is not compiled yet while a `Prompt` answers."""
         prompt = _ANSWERING.get()
         if prompt is not None and not prompt.has_compiled(self, args, kwargs):
             return None
-        return self.compiled(*args, **kwargs)
+        return self.run(*args, **kwargs)
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class _Packed:
+    """Arrays side by side in one of each type.
+
+    Attributes:
+        arrays: one-dimensional, by their types; the arrays themselves where they are large.
+        tree: what is made of all of them.
+        parts: of each its type, where it begins and its shape.
+    """
+
+    arrays: dict[str, Any]
+    tree: Any = field(metadata={"static": True})
+    parts: tuple[tuple[str, int, tuple[int, ...]], ...] = field(metadata={"static": True})
+
+    @classmethod
+    def of(cls, result: Any) -> _Packed:
+        leaves, tree = jax.tree.flatten(result)
+        leaves = [jnp.asarray(leaf) for leaf in leaves]
+        is_small = sum(leaf.size for leaf in leaves) <= MOST_PACKED
+        arrays, parts = dict[str, list[Any]](), []
+        for number, leaf in enumerate(leaves):
+            name = str(leaf.dtype) if is_small else str(number)
+            before = arrays.setdefault(name, [])
+            parts.append((name, sum(one.size for one in before), leaf.shape))
+            before.append(leaf.reshape(-1))
+        whole = {name: jnp.concatenate(several) for name, several in arrays.items()}
+        return cls(whole, tree, tuple(parts))
+
+    def unpacked(self) -> Any:
+        arrays = {name: np.asarray(array) for name, array in self.arrays.items()}
+        leaves = [
+            arrays[name][start : start + math.prod(shape)].reshape(shape)
+            for name, start, shape in self.parts
+        ]
+        return jax.tree.unflatten(self.tree, leaves)
 
 
 @functools.cache
@@ -131,22 +181,27 @@ class Prompt:
         """What a program returns."""
         call = self._call(program, args, kwargs)
         if call.is_compiled:
-            return program.compiled(*args, **kwargs)
+            return program.run(*args, **kwargs)
         given = {name: value for name, value in kwargs.items() if name not in program.static}
         if (interpreter := call.interpreter) is None:
-            traced = program.compiled.trace(*args, **kwargs)  # type: ignore[attr-defined]
-            interpreter = call.interpreter = Interpreter(traced)
+            interpreter = call.interpreter = Interpreter(program.trace(*args, **kwargs))
         return interpreter(*args, **given)
 
     def _call(self, program: Program, args: Any, kwargs: Any) -> _Call:
         fixed = {name: kwargs[name] for name in program.static if name in kwargs}
         given = {name: value for name, value in kwargs.items() if name not in fixed}
         leaves, tree = jax.tree.flatten((args, given))
-        types = tuple((np.shape(leaf), np.result_type(leaf)) for leaf in leaves)
+        types = tuple(map(_type_of, leaves))
         key = program, tuple(fixed.items()), tree, types
         if key not in self._calls:
-            self._calls[key] = _Call(functools.partial(program.compiled, *args, **kwargs))
+            self._calls[key] = _Call(functools.partial(program.run, *args, **kwargs))
         return self._calls[key]
+
+
+def _type_of(leaf: Any) -> tuple[Any, Any]:
+    if isinstance(leaf, jax.Array | np.ndarray):
+        return leaf.shape, leaf.dtype
+    return np.shape(leaf), np.result_type(leaf)
 
 
 _ANSWERING: ContextVar[Prompt | None] = ContextVar("answering", default=None)

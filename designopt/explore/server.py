@@ -27,6 +27,7 @@ from designopt.explore.explorer import Explorer
 from designopt.explore.messages import LONGEST, MessageError, Signal, read_message
 from designopt.explore.session import Session
 from designopt.explore.wire import Wire
+from designopt.explore.worker import Worker
 
 ADDRESS = "127.0.0.1"
 HOSTS = (ADDRESS, "localhost")
@@ -85,16 +86,32 @@ def serve(explorer: Explorer, folder: Path, listener: socket.socket, *, browser:
         browser: whether to open the page in the person's browser; its address is printed otherwise,
             and where there is none.
     """
-    workers = asyncio.run(_serve(explorer, folder, listener, browser))
+    workers = list[Worker]()
+    try:
+        asyncio.run(_serve(explorer, folder, listener, browser, workers))
+    except KeyboardInterrupt:
+        owing = [worker for worker in workers if worker.owes]
+        if owing:
+            print("saving what was asked for; Ctrl-C again ends at once", flush=True)
+        for worker in owing:
+            worker.join()
+        raise
     for worker in workers:  # Python must not be taken down around what XLA compiles
         worker.join()
 
 
 async def _serve(
-    explorer: Explorer, folder: Path, listener: socket.socket, browser: bool
-) -> list[Any]:
+    explorer: Explorer,
+    folder: Path,
+    listener: socket.socket,
+    browser: bool,
+    workers: list[Worker],
+) -> None:
+    # To look through all that is here by now takes longer than to show a move, and JAX makes very
+    # many objects while it traces: a quarter of that time would be spent on looking through them.
+    gc.freeze()
+    gc.set_threshold(50_000, 20, 100)
     site = Site(explorer, folder, listener.getsockname()[1])
-    gc.freeze()  # to look through all that is here by now takes longer than to show a move
     server = HTTPServer(site.application())
     server.add_socket(listener)
     title = explorer.design.title
@@ -110,7 +127,7 @@ async def _serve(
     finally:
         server.stop()
         site.close()
-    return site.session.end()
+        workers += site.session.end()
 
 
 @contextmanager

@@ -22,7 +22,7 @@ class Worker:
 
     def __init__(self) -> None:
         self._jobs: dict[Hashable, tuple[Job, Done]] = {}
-        self._changed = threading.Condition()
+        self._changed, self._now = threading.Condition(), None
         self._ended = False
         self._loop = asyncio.get_running_loop()
         # A daemon: an interrupt must not wait for what XLA compiles.
@@ -41,6 +41,12 @@ class Worker:
         with self._changed:
             self._ended = True
             self._changed.notify()
+
+    @property
+    def owes(self) -> bool:
+        """Whether a job without a name is under way or waits."""
+        with self._changed:
+            return any(not isinstance(one, str | None) for one in (self._now, *self._jobs))
 
     def join(self) -> None:
         """Wait for the last job."""
@@ -64,4 +70,5 @@ class Worker:
         with self._changed:
             self._changed.wait_for(lambda: self._jobs or self._ended)
             waiting = [one for one in self._jobs if not (self._ended and isinstance(one, str))]
+            self._now = waiting[0] if waiting else None
             return self._jobs.pop(waiting[0]) if waiting else None

@@ -431,7 +431,7 @@ class DesignSearch:
         return column_slopes(arrays, place)
 
     def _at(self, place: np.ndarray, full: Array, reserve: np.ndarray) -> _Point:
-        arrays, slopes = jax.tree.map(np.asarray, self._program(jnp.asarray(place), full))
+        arrays, slopes = self._program(jnp.asarray(place), full)
         sign = 1.0 if self.objective.worst == "least" else -1.0
         own, size = self.objective.name, place.size
         margins, margin_slopes = [np.zeros(0)], [np.zeros((0, size))]

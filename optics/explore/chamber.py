@@ -116,7 +116,7 @@ class ChamberExplorer(Explorer):
     def show(self, values: Values) -> ExplorerState:
         """The chamber at these values; where there is none, the picture stays that of the last."""
         ratios = self._ranges["imaging_ratio"]
-        look = jax.device_get(look_at(self._parameters.vector(values), jnp.asarray(ratios, float)))
+        look = look_at(self._parameters.vector(values), jnp.asarray(ratios, float))
         ratio, ok = values["imaging_ratio"], bool(look.solved.ok)
         readouts = _readouts(look, ratio)
         if not ok:

@@ -233,7 +233,7 @@ class SceneExplorer(Explorer):
             curve = _coverage.when_compiled(self._scene, *self._states(values))
             self._curve = np.full((PLACES, len(layout.pads)), np.nan)
             if curve is not None:
-                self._curve, self._curve_of = 100 * np.asarray(curve), rest
+                self._curve, self._curve_of = 100 * curve, rest
         series = []
         if seen is not None:
             columns = zip(layout.pads, self._curve.T.tolist(), strict=True)

@@ -23,7 +23,7 @@ from optics.visibility.focus import find_blur
 from optics.visibility.sharpness import ROUNDING, Sharpness, find_sharpness
 from optics.visibility.views import Pieces
 
-ROOMS = (2, 4, 8)
+ROOMS = (4, 8)
 """Pieces of a pad of which resolution is asked: as few of these as are enough, if any is."""
 
 PLACES = 9
@@ -53,7 +53,7 @@ class Sight(NamedTuple):
 
 def see(scene: Scene, angles: Float[np.ndarray, "*poses joints"]) -> Sight:
     """What is seen at joint angles in rad, in NumPy arrays."""
-    return jax.tree.map(np.asarray, _sight(scene, angles))
+    return _sight(scene, angles)
 
 
 @Program

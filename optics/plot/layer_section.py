@@ -73,7 +73,7 @@ class LayerSection:
         for lower, below in zip(self.layers[layer:], self.index[layer:], strict=True):
             ray = _refracted(ray, surface, below / index)
             surface, index = lower[:2], below
-            first, last = surface @ [1, 1j]
+            first, last = _ends(surface)
             across = _cross(last - first, ray)
             if not ray or not across:
                 break
@@ -82,13 +82,18 @@ class LayerSection:
         return np.array(met).reshape(-1, 2)
 
 
+def _ends(surface: Points) -> tuple[complex, complex]:
+    first, last = surface.tolist()
+    return complex(*first), complex(*last)
+
+
 def _cross(first: complex, second: complex) -> float:
     return (first.conjugate() * second).imag
 
 
 def _refracted(ray: complex, surface: Points, ratio: float) -> complex:
     """A ray's unit vector behind a surface, where the index is larger by a factor; 0 for none."""
-    first, last = surface @ [1, 1j]
+    first, last = _ends(surface)
     along = (last - first) / abs(last - first)
     # n sin θ, the part along the surface, stays (M. Born, E. Wolf, Principles of Optics, §1.5.1).
     part = ray * along.conjugate()

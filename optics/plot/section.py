@@ -122,7 +122,7 @@ def rays_to(
     """
     spread = np.clip(np.linspace(0, 1, count), INSIDE, 1 - INSIDE)
     bounces = view.spans.shape[-2]
-    surfaces, places = map(np.asarray, _traced(scene, angles, view.pixels, spread, bounces=bounces))
+    surfaces, places = _traced(scene, angles, view.pixels, spread, bounces=bounces)
     paths, rays = np.asarray(view.path), []
     for pad, piece in np.argwhere(np.asarray(view.present)).tolist():
         met = surfaces[pad, piece] != NOTHING

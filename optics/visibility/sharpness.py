@@ -123,14 +123,10 @@ def _looked_up(
     """Pixels per mm by all pieces, at all places of each pad; distance, apparent one (mm)."""
     if scene.layout.curved:
         every = places.reshape(*places.shape[:2], -1)
-        found = _by_ray(scene, angles, pieces, every, bounces=bounces)
-        return jax.tree.map(np.asarray, found)
+        return _by_ray(scene, angles, pieces, every, bounces=bounces)
     # One after the other, so that one program serves for any number of them.
     parts = [
-        jax.tree.map(
-            np.asarray,
-            _unfolded(scene, angles, pieces.path, pieces.face, stretch, bounces=bounces),
-        )
+        _unfolded(scene, angles, pieces.path, pieces.face, stretch, bounces=bounces)
         for stretch in np.moveaxis(places, 2, 0)
     ]
     return jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *parts)

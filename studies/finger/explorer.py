@@ -198,15 +198,12 @@ class FingerExplorer(Explorer):
         """The linkage in postures of both joints, or of PIP; ``None`` without one."""
         if self._designed.pins is None:
             return None
-        swept = self._sweep(numbers, rows)
-        # The linkage has many numbers, of which hardly any is asked for.
-        own = swept._replace(linkage=None)
-        return jax.tree.map(np.asarray, own)._replace(linkage=swept.linkage)
+        return self._sweep(numbers, rows)
 
     def _scene_at(self, numbers: Numbers) -> Scene:
-        """The scene in NumPy arrays; the last one is kept for when joints alone are turned."""
+        """The scene; the last one is kept for when joints alone are turned."""
         if self._scene[0] != (key := numbers.tobytes()):
-            self._scene = key, jax.tree.map(np.asarray, self._scene_of(numbers))
+            self._scene = key, jax.device_put(self._scene_of(numbers))
         return self._scene[1]
 
     def _looked(self, numbers: Numbers, rows: np.ndarray) -> tuple[Scene, Seen] | None:
@@ -214,12 +211,12 @@ class FingerExplorer(Explorer):
         if self._designed.camera is None:
             return None
         scene = self._scene_at(numbers)
-        rest = [leaf.tobytes() for leaf in (rows[1:], *jax.tree.leaves(scene))]
+        rest = [np.asarray(one).tobytes() for one in (rows[1:], *jax.tree.leaves(scene))]
         if rest != self._curve_of:
             curve = self._cover.when_compiled(scene, rows[1:])
             self._curve = np.full((PLACES, len(PHALANGES)), np.nan)
             if curve is not None:
-                self._curve, self._curve_of = np.asarray(curve), rest
+                self._curve, self._curve_of = curve, rest
         return scene, look_at(scene, rows[0])
 
     @property

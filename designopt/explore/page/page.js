@@ -36,7 +36,8 @@ const RENDERERS = {
     find('title').textContent = model.title;
   },
   parameters: () => inputs.make(),
-  values: () => { inputs.show(); panels.showLocks(); },
+  values: () => inputs.show(),
+  locked: () => { inputs.show(); panels.showLocks(); },
   panels: () => panels.show(),
   readouts: showReadouts,
   message: () => { find('message').textContent = model.message; },
@@ -63,7 +64,7 @@ const RENDERERS = {
   optimising: () => { find('optimise').textContent = model.optimising ? 'Stop' : 'Optimise'; },
 };
 const ALSO = {
-  locked: 'values', bounds: 'values', redo: 'undo', note_is_fault: 'note',
+  bounds: 'values', redo: 'undo', note_is_fault: 'note',
 };
 
 socket.addEventListener('message', ({ data }) => {

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from designopt.interpreter import interpret
 from optics import find_focus, find_views
 from studies.models.finger import Finger
 from studies.models.finger_parametric.asking import Arrays, Asked, asking, measure_name
@@ -53,7 +54,8 @@ def own_mirrors(finger: Finger) -> MirrorSpec:
         if camera.max_blur is not None:
             given["max_blur_px"] = float(camera.max_blur)
         spec = spec.model_copy(update={"camera": spec.camera.model_copy(update=given)})
-    least = min(spec.least_membrane, float(finger.body.membrane))
+    membrane = float(interpret(lambda body: body.membrane, finger.body))
+    least = min(spec.least_membrane, membrane)
     return spec.model_copy(update={"least_membrane": least})
 
 

@@ -24,7 +24,6 @@ PAUSE = 0.03
 """Seconds between two moves of the pointer, so that the page is idle before each."""
 
 TIMES = "performance.getEntriesByName('change to picture').map((one) => one.duration)"
-COMMAND = "import sys; from designopt.cli import run; sys.exit(run(['explore', *sys.argv[1:]]))"
 
 
 @contextmanager
@@ -32,7 +31,7 @@ def explored(named: str) -> Iterator[str]:
     """The address of a page that the command serves."""
     with tempfile.TemporaryDirectory() as folder:
         options = ["--no-browser", "--port", "0", "--out", folder]
-        command = [sys.executable, "-c", COMMAND, named, *options]
+        command = [sys.executable, "-m", "designopt", "explore", named, *options]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
             assert process.stdout is not None
             found = re.search(r"http://\S+", process.stdout.readline())
