@@ -15,7 +15,6 @@ from designopt.optimize.augmented_lagrangian import Inner, Trace, augmented_lagr
 from designopt.optimize.flat import Flat, Given
 from designopt.optimize.optimality import Optimum, make_optimality_check
 from designopt.optimize.problem import Parameters, Problem
-from designopt.optimize.reference_solvers import Reference, compile_reference
 
 Method = Literal[
     "bfgs",
@@ -97,6 +96,9 @@ class Minimizer:
         points = jnp.zeros((count, flat.units.size), flat.units.dtype)
         flat.refuse_least("minimize")
         begin = time.perf_counter()
+        # Its SciPy takes half a second to load, and many who load this never search.
+        from designopt.optimize.reference_solvers import Reference, compile_reference
+
         if method in get_args(Reference):
             reference = cast(Reference, method)
             one = compile_reference(flat, reference, tolerance, updates * steps)

@@ -22,7 +22,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import nnls
 
 from designopt.optimize.augmented_lagrangian import Trace
 from designopt.optimize.flat import Flat, Given, Point, column_slopes
@@ -197,6 +196,8 @@ def _balanced(
     """The gradient as a sum of rows, none of them negatively: how often each, and what is left."""
     if not rows.size:
         return np.zeros(len(rows)), float(np.linalg.norm(gradient))
+    from scipy.optimize import nnls  # half a second, and not every search is judged
+
     found, left = nnls(rows.T, gradient)
     return found, float(left)
 

@@ -7,7 +7,6 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import scipy.optimize
 
 CONSISTENT = 1e-9
 """Relative deviation up to which a length that others already fix counts as the same."""
@@ -121,6 +120,8 @@ def _relaxed(placed: Places, given: Mapping[frozenset[str], float]) -> Places:
         return np.hypot(*(places[first] - places[second]).T) - wanted
 
     start = np.array(list(placed.values())).ravel() / scale
+    import scipy.optimize  # half a second, and most shapes follow without
+
     found = scipy.optimize.least_squares(deviations, start, xtol=1e-15, ftol=1e-15, gtol=1e-15)
     return dict(zip(names, scale * found.x.reshape(-1, 2), strict=True))
 
