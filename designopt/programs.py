@@ -77,6 +77,11 @@ class Program:
             return None
         return self.run(*args, **kwargs)
 
+    def expect(self, *args: Any, **kwargs: Any) -> None:
+        """Let a `Prompt` compile it for arguments like these, which are soon to come."""
+        if (prompt := _ANSWERING.get()) is not None:
+            prompt.has_compiled(self, args, kwargs)
+
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from designopt.programs import Program
 from designopt.solution import Solution
 from optics.export.scene_drawing import CAMERA, draw_scene, draw_views
 from optics.parametric.scene import SceneParameters, scene_at
-from optics.parametric.scene_measures import see, sharpness_of
+from optics.parametric.scene_measures import see_in_pose, sharpness_of
 from optics.plot.section import Section
 from optics.scene.designed import DesignedScene
 from optics.scene.scene import WORLD, Layout, Scene
@@ -81,8 +81,7 @@ class Seen:
 
 def look_at(scene: Scene, angles: Float[np.ndarray, " joints"]) -> Seen:
     """What is seen of a scene with pads at joint angles in rad."""
-    views, *parts = see(scene, angles)
-    coverage, redundancy, missed = map(np.asarray, parts)
+    views, coverage, redundancy, missed = see_in_pose(scene, angles)
     several = jax.tree.map(lambda leaf: leaf[None], views)
     bounces = scene.layout.bounces
     sharpness = sharpness_of(scene, angles[None], several.value)

@@ -17,7 +17,7 @@ from designopt.programs import Program
 from designopt.solution import Solution
 from designopt.vectors import Vector, vector
 from optics.scene.scene import Scene, place
-from optics.visibility.coverage import find_views
+from optics.visibility.coverage import find_pieces, find_views
 from optics.visibility.edge_refined import trace_views
 from optics.visibility.focus import find_blur
 from optics.visibility.sharpness import ROUNDING, Sharpness, find_sharpness
@@ -56,12 +56,32 @@ def see(scene: Scene, angles: Float[np.ndarray, "*poses joints"]) -> Sight:
     return _sight(scene, angles)
 
 
+def see_in_pose(scene: Scene, angles: Float[np.ndarray, " joints"]) -> Sight:
+    """As `see`, in one pose: by what pads are missed is computed only where one is hidden."""
+    if not scene.layout.curved:
+        sight = _by_pieces(scene, angles)
+        if np.all(sight.coverage > 0):
+            _sight.expect(scene, angles)
+            return sight
+    return see(scene, angles)
+
+
 @Program
 def _sight(scene: Scene, angles: Float[Array, "*poses joints"]) -> Sight:
     found = (trace_views if scene.layout.curved else find_views)(scene, angles)
+    return _with_coverage(found, missed_by(found))
+
+
+@Program
+def _by_pieces(scene: Scene, angles: Float[Array, " joints"]) -> Sight:
+    found = find_pieces(scene, angles)
+    return _with_coverage(found, jnp.zeros_like(found.margin))
+
+
+def _with_coverage(found: Solution[Pieces], missed: Float[Array, "*poses pads"]) -> Sight:
     coverage = found.value.coverage()
     covered = jnp.where(coverage > ROUNDING, coverage, 0.0)
-    return Sight(found, covered, found.value.redundancy(), missed_by(found))
+    return Sight(found, covered, found.value.redundancy(), missed)
 
 
 def sharpness_of(

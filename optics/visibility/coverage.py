@@ -94,6 +94,24 @@ def find_views(
     return _in_poses(scene, as_float(angles), words, search, views)
 
 
+def find_pieces(scene: Scene, angles: Float[Array, "*batch joints"]) -> Solution[Pieces]:
+    """The pieces that `find_views` finds, without the angles by which pads are missed.
+
+    It has two thirds of its equations. ``margin`` is as in `find_coverage`.
+    """
+    words = _words(scene, None, None, "find_pieces")
+
+    def search(camera: Camera, paths: Unfolded, faces: Faces) -> Found:
+        return find(camera, paths, faces, None)
+
+    def pieces(placed: Placed, paths: Unfolded, faces: Faces, found: Found) -> Solution[Pieces]:
+        seen = pieces_of(scene.camera, placed.size, paths, faces, found)
+        result = jax.tree.map(jnp.transpose, found.result)
+        return Solution(seen, found.free, jnp.zeros_like(found.free), result)
+
+    return _in_poses(scene, as_float(angles), words, search, pieces)
+
+
 @partial(jax.jit, static_argnames=("bounces", "max_pieces"))
 def find_coverage(
     scene: Scene,

@@ -188,7 +188,12 @@ def _unfolded(
         own, every = paths.at(path), jnp.repeat(places[:, None], room, axis=1)
         return faces.of_pieces(seen, face, path, own, *faces.through(rays, face, every, own))
 
-    return jax.vmap(in_pose)(angles, path, face, places)
+    given = angles, path, face, places
+    if len(angles) > 1:
+        return jax.vmap(in_pose)(*given)
+    # A batch, even of one, takes half as long again to trace.
+    one = in_pose(*jax.tree.map(lambda leaf: leaf[0], given))
+    return jax.tree.map(lambda leaf: leaf[None], one)
 
 
 @partial(Program, static_argnames=["bounces"])
