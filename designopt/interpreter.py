@@ -9,14 +9,18 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, SupportsIndex
 
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, jaxpr_as_fun
+from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 
 Operation = Callable[..., Any]
 """Of arrays; returns an array, or several if its primitive does."""
+
+Integers = Sequence[SupportsIndex]
+"""Of JAX, or of NumPy, as a program has them."""
 
 Rule = Callable[[JaxprEqn], Operation]
 """What computes an equation."""
@@ -115,15 +119,15 @@ class _Steps:
 
 
 def _by_jax(equation: JaxprEqn) -> Operation:
-    """Whatever has no rule, as a program of its own."""
-    given = [*dict.fromkeys(var for var in equation.invars if not isinstance(var, Literal))]
-    program = Jaxpr((), given, equation.outvars, [equation], equation.effects)
-    function = jax.jit(jaxpr_as_fun(ClosedJaxpr(program, ())))
-    firsts = [equation.invars.index(var) for var in given]
+    """Whatever has no rule."""
+    primitive, params = equation.primitive, equation.params
 
     def operation(*args: Any) -> Any:
-        found = [np.asarray(one) for one in function(*(args[first] for first in firsts))]
-        return found if equation.primitive.multiple_results else found[0]
+        given = primitive.get_bind_params(params)
+        # Functions apart, in versions of JAX that do not count them among the parameters.
+        functions, named = given if isinstance(given, tuple) else ((), given)
+        found = primitive.bind(*functions, *map(jnp.asarray, args), **named)
+        return jax.tree.map(np.asarray, found)
 
     return operation
 
@@ -214,7 +218,6 @@ RULES: dict[str, Rule] = {
         "clamp": lambda low, value, high: np.minimum(np.maximum(value, low), high),
         "select_n": _chosen,
         "copy": _same,
-        "copy_p": _same,
         "stop_gradient": _same,
         "optimization_barrier": lambda *values: values,
     }.items()
@@ -239,7 +242,7 @@ def _convert_element_type(dtype: Any) -> Operation:
 
 
 @_of("shape", "broadcast_dimensions")
-def _broadcast_in_dim(shape: Sequence[int], kept: Sequence[int]) -> Operation:
+def _broadcast_in_dim(shape: Integers, kept: Integers) -> Operation:
     def operation(value: Any) -> Any:
         sizes = [1] * len(shape)
         for axis, size in zip(kept, np.shape(value), strict=True):
@@ -250,34 +253,34 @@ def _broadcast_in_dim(shape: Sequence[int], kept: Sequence[int]) -> Operation:
 
 
 @_of("dtype", "shape", "dimension")
-def _iota(dtype: Any, shape: Sequence[int], dimension: int) -> Operation:
+def _iota(dtype: Any, shape: Integers, dimension: int) -> Operation:
     sizes = [size if axis == dimension else 1 for axis, size in enumerate(shape)]
     values = np.broadcast_to(np.arange(shape[dimension], dtype=dtype).reshape(sizes), shape)
     return lambda: values
 
 
 @_of("new_sizes")
-def _reshape(shape: Sequence[int]) -> Operation:
+def _reshape(shape: Integers) -> Operation:
     return lambda value: np.reshape(value, shape)
 
 
 @_of("dimensions")
-def _squeeze(dimensions: Sequence[int]) -> Operation:
+def _squeeze(dimensions: Integers) -> Operation:
     return lambda value: np.squeeze(value, tuple(dimensions))
 
 
 @_of("permutation")
-def _transpose(permutation: Sequence[int]) -> Operation:
+def _transpose(permutation: Integers) -> Operation:
     return lambda value: np.transpose(value, permutation)
 
 
 @_of("dimensions")
-def _rev(dimensions: Sequence[int]) -> Operation:
+def _rev(dimensions: Integers) -> Operation:
     return lambda value: np.flip(value, tuple(dimensions))
 
 
 @_of("reps")
-def _tile(reps: Sequence[int]) -> Operation:
+def _tile(reps: Integers) -> Operation:
     return lambda value: np.tile(value, reps)
 
 
@@ -297,20 +300,18 @@ def _unstack(axis: int) -> Operation:
 
 
 @_of("sizes", "axis")
-def _split(sizes: Sequence[int], axis: int) -> Operation:
+def _split(sizes: Integers, axis: int) -> Operation:
     return lambda value: np.split(value, np.cumsum(sizes)[:-1], axis)
 
 
 @_of("start_indices", "limit_indices", "strides")
-def _slice(
-    starts: Sequence[int], limits: Sequence[int], strides: Sequence[int] | None
-) -> Operation:
+def _slice(starts: Integers, limits: Integers, strides: Integers | None) -> Operation:
     cut = tuple(map(slice, starts, limits, strides or [1] * len(starts)))
     return lambda value: value[cut]
 
 
 @_of("slice_sizes")
-def _dynamic_slice(sizes: Sequence[int]) -> Operation:
+def _dynamic_slice(sizes: Integers) -> Operation:
     def operation(value: Any, *starts: Any) -> Any:
         room = zip(starts, sizes, value.shape, strict=True)
         first = [int(np.clip(start, 0, whole - size)) for start, size, whole in room]
@@ -386,12 +387,12 @@ RULES |= {
 
 
 @_of("axes", "index_dtype")
-def _argmax(axes: Sequence[int], dtype: Any) -> Operation:
+def _argmax(axes: Integers, dtype: Any) -> Operation:
     return lambda value: np.argmax(value, int(axes[0])).astype(dtype)
 
 
 @_of("axes", "index_dtype")
-def _argmin(axes: Sequence[int], dtype: Any) -> Operation:
+def _argmin(axes: Integers, dtype: Any) -> Operation:
     return lambda value: np.argmin(value, int(axes[0])).astype(dtype)
 
 
@@ -449,12 +450,12 @@ def _dot_general(dimensions: Any, dtype: Any) -> Operation:
 
 def _indexed(
     start: Any,
-    shape: Sequence[int],
-    windows: Sequence[int],
-    of_operand: Mapping[int, int],
-    sizes: Sequence[int],
-    batching: tuple[Sequence[int], Sequence[int]],
-    operand_shape: Sequence[int],
+    shape: Integers,
+    windows: Integers,
+    of_operand: Mapping[Any, int],
+    sizes: Sequence[SupportsIndex | None],
+    batching: tuple[Integers, Integers],
+    operand_shape: Integers,
 ) -> list[Any]:
     """Where every element of a gather's result, or of a scatter's updates, is in the operand.
 
@@ -577,7 +578,7 @@ def _closed(program: ClosedJaxpr | Jaxpr) -> ClosedJaxpr:
     return program if isinstance(program, ClosedJaxpr) else ClosedJaxpr(program, ())
 
 
-RULES |= dict.fromkeys(("jit", "closed_call", "core_call", "checkpoint"), _called("jaxpr"))
+RULES |= dict.fromkeys(("jit", "remat2"), _called("jaxpr"))
 RULES |= dict.fromkeys(("custom_jvp_call", "custom_vjp_call"), _called("call_jaxpr"))
 
 

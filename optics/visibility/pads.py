@@ -202,10 +202,12 @@ class Faces(eqx.Module):
         self,
         function: Callable[..., Any],
         face: Int[Array, "pads pieces"] | None,
-        *of_pieces: Shaped[Array, "..."],
+        entries: Float[Array, "pads pieces _"],
+        *more: Any,
     ) -> Any:
         """As `of_pieces`, a function of the layers behind the surface, if any, and of its ends."""
-        count, each = len(of_pieces[0]), [0] * len(of_pieces)
+        of_pieces = entries, *more
+        count, each = len(entries), [0] * len(of_pieces)
         faces = jax.vmap(Pad.ends)(self.seen)
         front = jax.tree.map(lambda leaf: leaf[:count], faces)
         of_pad = jax.vmap(function, (None, None, *each))

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from designopt.explore.explorer import Chart, View
+from designopt.programs import Prompt
 from optics.explore.scene import COVERAGE, HIDDEN, SEEN, SceneExplorer
-from optics.parametric.scene_measures import _sight, quickly
 from optics.scene.designed import DesignedScene
 from optics.scene.reading import parse_scene
 from optics.visibility.coverage import find_coverage, find_views
@@ -155,18 +155,17 @@ def test_the_chart_is_coverage_over_what_was_moved_last():
             assert series.y[17] == pytest.approx(100 * float(wanted), abs=1e-9)
 
 
-def test_turning_compiles_nothing_anew():
-    explorer = opened("finger")
+def test_turning_asks_for_nothing_that_is_not_compiled():
+    explorer, prompt = opened("finger"), Prompt()
     values = explorer.values()
-    explorer.show(values)
-    program, curve = quickly(_sight), explorer._program
-    before = program._cache_size()
-    names = [panel.name for panel in explorer.show(values).panels]
-    for one in (*explorer.joints, *explorer.design.parameters):
-        state = explorer.show({**values, one.name: 0.3 * one.low + 0.7 * one.high})
-        assert [panel.name for panel in state.panels] == names
-    assert program._cache_size() == before
-    assert explorer._program is curve
+    with prompt.answering():
+        first = explorer.show(values)
+    prompt.compile()
+    with prompt.answering():
+        for one in (*explorer.joints, *explorer.design.parameters):
+            state = explorer.show({**values, one.name: 0.3 * one.low + 0.7 * one.high})
+            assert [panel.name for panel in state.panels] == [one.name for one in first.panels]
+    assert not prompt.is_behind
 
 
 def test_a_scene_that_cannot_be_leaves_the_picture():

@@ -12,8 +12,9 @@ import shapely
 
 from designopt.errors import UserError
 from designopt.optimize import Evaluation, Problem, make_soft_minimum, minimize
+from designopt.programs import Program
 from optics.parametric.scene import SceneParameters
-from optics.parametric.scene_measures import PLACES, find_module_room, quickly
+from optics.parametric.scene_measures import PLACES, find_module_room
 from optics.scene.camera import Camera, Pinhole
 from optics.scene.camera_module import CameraModule
 from optics.scene.designed import DesignedScene
@@ -117,8 +118,7 @@ def test_what_cannot_be_is_refused():
 
 def measured(parameters, values, *of):
     """Arrays of measures."""
-    program = quickly(functools.partial(parameters.evaluate, of=of))
-    return jax.tree.map(np.asarray, program(parameters.vector(values)))
+    return Program(functools.partial(parameters.evaluate, of=of))(parameters.vector(values))
 
 
 def grid(joints, count):

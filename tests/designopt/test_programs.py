@@ -1,0 +1,131 @@
+"""Programs, and what answers for them until they are compiled."""
+
+from __future__ import annotations
+
+import threading
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from designopt.programs import MOST_PACKED, Program, Prompt, known_options
+
+
+def made(function=None, **given):
+    """A program, and how often its function was traced."""
+    traced = []
+
+    def counted(*args, **kwargs):
+        traced.append(args)
+        return (function or jnp.sin)(*args, **kwargs)
+
+    return Program(counted, **given), traced
+
+
+def test_results_are_those_of_jax_whatever_their_types():
+    def several(x):
+        return {"sum": x.sum(), "same": x, "whole": jnp.arange(3), "any": x > 0, "none": None}
+
+    x = np.linspace(-1.0, 1.0, 5)
+    wanted = jax.jit(several)(x)
+    found = Program(several)(x)
+    assert jax.tree.structure(found) == jax.tree.structure(wanted)
+    for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True):
+        assert isinstance(one, np.ndarray)
+        assert (one.shape, one.dtype) == (other.shape, other.dtype)
+        np.testing.assert_array_equal(one, other)
+
+
+def test_large_results_are_not_copied_into_one():
+    program = Program(lambda x: (x, 2 * x))
+    small, large = np.zeros(3), np.zeros(MOST_PACKED)
+    assert len(program._compiled(small).arrays) == 1
+    assert len(program._compiled(large).arrays) == 2
+    np.testing.assert_array_equal(program(large)[1], 2 * large)
+
+
+def test_a_program_is_traced_by_jax_like_any_function():
+    program, _ = made(lambda x: jnp.sum(x**3))
+    slope = jax.grad(program)(jnp.array([1.0, 2.0]))
+    np.testing.assert_allclose(slope, [3.0, 12.0])
+    with Prompt().answering():
+        np.testing.assert_allclose(jax.jit(program)(jnp.array([1.0, 2.0])), 9.0)
+
+
+def test_static_arguments_have_programs_of_their_own():
+    program = Program(lambda x, *, power: x**power, static_argnames=["power"])
+    prompt = Prompt()
+    with prompt.answering():
+        assert float(program(3.0, power=2)) == 9.0
+        assert float(program(3.0, power=3)) == 27.0
+        assert float(program(2.0, power=2)) == 4.0
+    assert len(prompt._calls) == 2
+
+
+def test_nothing_is_compiled_before_it_is_asked_for():
+    program, traced = made()
+    prompt, numbers = Prompt(), np.array([0.3, 0.4])
+    assert not prompt.is_behind
+    with prompt.answering():
+        assert program.when_compiled(numbers) is None
+        assert not traced
+        np.testing.assert_allclose(program(numbers), np.sin(numbers), rtol=1e-15)
+        np.testing.assert_allclose(program(2 * numbers), np.sin(2 * numbers), rtol=1e-15)
+    assert len(traced) == 1
+    assert prompt.is_behind
+    assert not program._compiled._cache_size()
+    prompt.compile()
+    assert not prompt.is_behind
+    assert program._compiled._cache_size() == 1
+    with prompt.answering():
+        np.testing.assert_allclose(program.when_compiled(numbers), np.sin(numbers), rtol=1e-15)
+        program(3 * numbers)
+    assert len(traced) == 2  # by NumPy once, for XLA once
+
+
+def test_arguments_of_another_shape_are_compiled_next():
+    program, _ = made()
+    prompt = Prompt()
+    with prompt.answering():
+        program(np.zeros(2))
+        prompt.compile()
+        program(np.zeros(3))
+        assert prompt.is_behind
+        program.expect(np.zeros(4))
+        prompt.compile()
+        assert program.when_compiled(np.zeros(4)) is not None
+    program.expect(np.zeros(5))  # of no prompt
+    assert not prompt.is_behind
+    np.testing.assert_array_equal(program.when_compiled(np.zeros(5)), np.zeros(5))
+
+
+def test_a_prompt_answers_in_its_own_thread_only():
+    program, _ = made()
+    prompt, found = Prompt(), []
+    with prompt.answering():
+        other = threading.Thread(target=lambda: found.append(program.when_compiled(np.zeros(2))))
+        other.start()
+        other.join()
+    assert found[0] is not None
+    assert not prompt.is_behind
+
+
+def test_what_cannot_be_compiled_is_answered_still():
+    def refused(x):
+        raise ValueError("no such thing")
+
+    program, prompt = Program(refused), Prompt()
+    with prompt.answering(), pytest.raises(ValueError, match="no such thing"):
+        program(1.0)
+    with pytest.raises(ValueError, match="no such thing"):
+        prompt.compile()
+
+
+def test_options_unknown_to_xla_are_left_out(monkeypatch):
+    monkeypatch.setattr("designopt.programs.QUICK", {"xla_no_such_option": True})
+    known_options.cache_clear()
+    try:
+        assert known_options() == {}
+    finally:
+        known_options.cache_clear()
