@@ -193,7 +193,7 @@ class Session:
                 self._known([name], self._presets)
                 self._set(self._presets[name])
             case Optimise(measure=measure):
-                self._known([measure], [row[0] for row in self.model["measures"]])
+                self._known([measure], self._measures)
                 self._optimise(measure)
             case Save(although_failing=although):
                 values = self._now.values
@@ -370,7 +370,7 @@ class Session:
         with self._prompt.answering():
             return encode_panels(self._explorer.sketch())
 
-    def _list_measures(self) -> list[Wire]:
+    def _list_measures(self) -> list[list[str]]:
         measures = self._design.measures
         return [[one.name, one.description, one.unit, one.worst] for one in measures]
 
