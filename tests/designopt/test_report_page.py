@@ -105,3 +105,12 @@ def test_no_width_needs_scrolling_to_the_side(page, good, width):
     page.set_viewport_size({"width": width, "height": 800})
     page.goto(good)
     assert page.evaluate("document.documentElement.scrollWidth") == width
+
+
+def test_axe_finds_nothing(page, good):
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright")
+    page.goto(good)
+    for name in ("Self-checks and run times", "How it was run"):
+        page.get_by_text(name).last.click()
+    found = axe.Axe().run(page)
+    assert found.violations_count == 0, found.generate_report()

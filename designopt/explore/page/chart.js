@@ -1,6 +1,6 @@
 // Curves over one axis, with ticks, units, and a legend above them.
 
-import { find, html, numberText, svg, tell } from './elements.js';
+import { find, folded, html, numberText, svg, tell } from './elements.js';
 
 const KINDS = 6; // of curves that can be told apart by their dashes
 const BELOW = 44; // pixels for numbers and name of the x axis
@@ -14,7 +14,8 @@ export class Chart {
     this.svg = svg('svg', { role: 'img', 'aria-label': `Chart of ${name}` });
     this.stage = html('div', { class: 'stage' }, this.svg);
     this.buttons = [];
-    this.below = [];
+    this.values = folded('Its values', () => this.listValues());
+    this.below = [this.values.root];
     this.clip = `clip${made += 1}`;
     this.stage.addEventListener('pointermove', (event) => this.hover(event));
     this.stage.addEventListener('pointerleave', () => { find('tip').hidden = true; });
@@ -85,11 +86,23 @@ export class Chart {
   // Where the design stands now on all curves.
   mark() {
     this.isMoved = false;
+    this.values.rest();
     const { x, y, top, bottom } = this.frame;
     const dots = this.series.map((one) => valueAt(one, this.at)).filter((value) => value !== null);
     this.now.replaceChildren(...this.at === null ? [] : [
       svg('path', { class: 'now', d: `M${x(this.at)} ${top}V${bottom}` }),
       ...dots.map((value) => svg('circle', { class: 'dot', cx: x(this.at), cy: y(value), r: 4.5 }))]);
+  }
+
+  // What every curve is now, and between what it lies over all.
+  listValues() {
+    const here = this.at === null ? [] : [[this.x_label, `now ${short(this.at)}`]];
+    return [...here, ...this.series.map((one) => {
+      const now = this.at === null ? null : valueAt(one, this.at);
+      const known = one[2].filter((value) => value !== null);
+      const over = known.length ? `${short(Math.min(...known))} to ${short(Math.max(...known))}` : 'nowhere';
+      return [one[0], now === null ? over : `now ${short(now)}, ${over}`];
+    })];
   }
 
   // Names of the curves in lines above them.

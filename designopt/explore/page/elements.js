@@ -23,6 +23,18 @@ export const button = (text, label, action) => {
   return made;
 };
 
+// A list below a picture that unfolds; it is filled while it is open, once the picture rests.
+export function folded(title, fill) {
+  const list = html('dl');
+  const root = html('details', { class: 'parts' }, html('summary', {}, title), list);
+  const show = () => root.open && list.replaceChildren(
+    ...fill().flatMap(([name, value]) => [html('dt', {}, ...[name].flat()), html('dd', {}, value)]));
+  let resting = 0;
+  const rest = () => { clearTimeout(resting); resting = setTimeout(show, 500); };
+  root.addEventListener('toggle', show);
+  return { root, rest };
+}
+
 // Six significant digits, as the server writes readouts.
 export const numberText = (value) => String(Number(value.toPrecision(6)));
 

@@ -1,6 +1,6 @@
 // A drawing to scale: shapes as SVG, or on a canvas where there are many; pan, zoom, hover, drag.
 
-import { button, find, html, numberText, svg, tell } from './elements.js';
+import { button, find, folded, html, numberText, svg, tell } from './elements.js';
 
 const MOST_ELEMENTS = 2000; // shapes; more are drawn on a canvas
 const PAPER = 5.5; // pixels of the screen for a millimetre of line width on paper
@@ -33,10 +33,8 @@ export class View {
       button('+', `Zoom in on ${name}`, () => this.zoom(STEP)),
       button('Fit', `Fit ${name}`, () => this.fit()),
     ];
-    this.list = html('dl');
-    this.details = html('details', { class: 'parts' }, html('summary', {}, 'Parts and their numbers'), this.list);
-    this.details.addEventListener('toggle', () => this.showParts());
-    this.below = [this.details];
+    this.parts = folded('Parts and their numbers', () => this.listParts());
+    this.below = [this.parts.root];
     this.pointers = new Map();
     this.dirty = new Set();
     this.fitted = true;
@@ -72,8 +70,7 @@ export class View {
     this.dirty.clear();
     if (this.fitted && !this.grabbed) this.follow();
     this.draw();
-    clearTimeout(this.resting);
-    this.resting = setTimeout(() => this.showParts(), 500);
+    this.parts.rest();
   }
 
   // Make a group for every layer and an element for every shape.
@@ -347,11 +344,10 @@ export class View {
     return [name || title, note, length].filter(Boolean).join('\n');
   }
 
-  showParts() {
-    if (!this.details.open) return;
+  listParts() {
     const names = new Map(this.layers.map(([name]) => [name, this.notes[name] ?? '']));
     for (const [name, note] of Object.entries(this.notes)) names.set(name, note);
-    this.list.replaceChildren(...[...names].flatMap(([name, note]) => {
+    return [...names].map(([name, note]) => {
       const layer = this.layers.find(([title]) => title === name);
       const sample = svg('svg', { width: 26, height: 12, 'aria-hidden': true });
       if (layer) {
@@ -360,8 +356,8 @@ export class View {
           d: 'M1 6H25', stroke, 'stroke-width': PAPER * width, ...(dashed ? { 'stroke-dasharray': '7 4' } : {}),
         }));
       }
-      return [html('dt', {}, ...(layer ? [sample, ' '] : []), name), html('dd', {}, note || '–')];
-    }));
+      return [[...(layer ? [sample, ' '] : []), name], note || '–'];
+    });
   }
 }
 

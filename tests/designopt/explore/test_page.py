@@ -416,7 +416,13 @@ def test_hovering_names_a_part_and_its_numbers(visit, site):
     page.get_by_role("button", name="Store").press("Escape")
     assert page.locator("#tip").is_hidden()
     page.get_by_text("Parts and their numbers").click()
-    assert "radius 31.37 mm" in page.locator(".parts dl").inner_text()
+    assert "radius 31.37 mm" in page.locator(".view .parts dl").inner_text()
+    page.get_by_text("Its values").click()
+    values = page.locator(".chart .parts dl")
+    assert "crank (°)\nnow 40" in values.inner_text()
+    drag_slider(page, "crank", 0.2, 0.3)
+    crank = page.get_by_role("spinbutton", name="crank in °", exact=True)
+    wait(lambda: f"now {float(crank.input_value()):.4g}" in values.inner_text())
 
 
 def test_zoom_by_wheel_buttons_and_keys_and_fit(visit, site):
@@ -571,6 +577,7 @@ def test_axe_finds_nothing(visit, site, options):
     settled(page)
     page.get_by_role("button", name="Bounds").click()
     page.get_by_text("Parts and their numbers").click()
+    page.get_by_text("Its values").click()
     page.get_by_role("checkbox", name="Lock radius").check()
     page.get_by_role("spinbutton", name="rod length in mm", exact=True).fill("35")
     page.keyboard.press("Enter")
