@@ -9,7 +9,7 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, SupportsIndex
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -19,7 +19,7 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 Operation = Callable[..., Any]
 """Of arrays; returns an array, or several if its primitive does."""
 
-Integers = Sequence[SupportsIndex]
+Integers = Sequence[Any]
 """Of JAX, or of NumPy, as a program has them."""
 
 Rule = Callable[[JaxprEqn], Operation]
@@ -83,7 +83,8 @@ class _Steps:
 
         def place(var: Any, value: Any = None) -> int:
             if isinstance(var, Literal):
-                self._first.append(np.asarray(var.val, var.aval.dtype))
+                kind: Any = var.aval
+                self._first.append(np.asarray(var.val, kind.dtype))
                 return len(self._first) - 1
             if var not in places:
                 places[var] = len(self._first)
@@ -130,6 +131,11 @@ def _by_jax(equation: JaxprEqn) -> Operation:
         return jax.tree.map(np.asarray, found)
 
     return operation
+
+
+def _result_of(equation: JaxprEqn) -> Any:
+    """Shape and type of what an equation gives first."""
+    return equation.outvars[0].aval
 
 
 def _plain(operation: Operation) -> Rule:
@@ -335,7 +341,7 @@ def _pad(equation: JaxprEqn) -> Operation:
     config = [tuple(map(int, one)) for one in equation.params["padding_config"]]
     if any(low < 0 or high < 0 for low, high, _ in config):
         return _by_jax(equation)
-    shape = equation.outvars[0].aval.shape
+    shape = _result_of(equation).shape
     inner = tuple(
         slice(low, size - high, between + 1)
         for (low, high, between), size in zip(config, shape, strict=True)
@@ -356,7 +362,7 @@ def _reducing(operation: Operation, least: Callable[[Any], Any] | None = None) -
     """Over axes; ``least`` gives of a type what is returned where there is nothing to reduce."""
 
     def rule(equation: JaxprEqn) -> Operation:
-        axes, dtype = tuple(map(int, equation.params["axes"])), equation.outvars[0].aval.dtype
+        axes, dtype = tuple(map(int, equation.params["axes"])), _result_of(equation).dtype
         if least is not None:
             return partial(operation, axis=axes, initial=least(dtype))
         return lambda value: operation(value, axis=axes).astype(dtype)
@@ -398,7 +404,7 @@ def _argmin(axes: Integers, dtype: Any) -> Operation:
 
 def _along(operation: Operation) -> Rule:
     def rule(equation: JaxprEqn) -> Operation:
-        axis, dtype = equation.params["axis"], equation.outvars[0].aval.dtype
+        axis, dtype = equation.params["axis"], _result_of(equation).dtype
         if equation.params["reverse"]:
             return lambda value: np.flip(operation(np.flip(value, axis), axis, dtype=dtype), axis)
         return lambda value: operation(value, axis, dtype=dtype)
@@ -453,7 +459,7 @@ def _indexed(
     shape: Integers,
     windows: Integers,
     of_operand: Mapping[Any, int],
-    sizes: Sequence[SupportsIndex | None],
+    sizes: Integers,
     batching: tuple[Integers, Integers],
     operand_shape: Integers,
 ) -> list[Any]:
@@ -496,14 +502,14 @@ def _indexed(
 
 
 def _gather(equation: JaxprEqn) -> Operation:
-    params, shape = equation.params, equation.outvars[0].aval.shape
+    params, shape = equation.params, _result_of(equation).shape
     numbers, sizes = params["dimension_numbers"], params["slice_sizes"]
     dropped = (*numbers.collapsed_slice_dims, *numbers.operand_batching_dims)
     own = [None if axis in dropped else size for axis, size in enumerate(sizes)]
     fills = params["mode"] is jax.lax.GatherScatterMode.FILL_OR_DROP
     filling = params["fill_value"]
     if fills and filling is None:
-        dtype = equation.outvars[0].aval.dtype
+        dtype = _result_of(equation).dtype
         filling = np.nan if np.issubdtype(dtype, np.inexact) else _lowest(dtype)
         if np.issubdtype(dtype, np.unsignedinteger):
             filling = _highest(dtype)

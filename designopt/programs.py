@@ -13,6 +13,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 from designopt.batching import side_by_side
 from designopt.interpreter import Interpreter
@@ -49,7 +50,7 @@ class Program:
         self._function, self.static = function, tuple(static_argnames)
 
     @functools.cached_property
-    def _compiled(self) -> Callable[..., _Packed]:
+    def _compiled(self) -> Any:
         def packed(*args: Any, **kwargs: Any) -> _Packed:
             return _Packed.of(self._function(*args, **kwargs))
 
@@ -57,7 +58,7 @@ class Program:
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """What the function returns."""
-        if any(isinstance(one, jax.core.Tracer) for one in jax.tree.leaves((args, kwargs))):
+        if any(isinstance(one, Tracer) for one in jax.tree.leaves((args, kwargs))):
             return self._function(*args, **kwargs)
         prompt = _ANSWERING.get()
         return self.run(*args, **kwargs) if prompt is None else prompt.answer(self, args, kwargs)

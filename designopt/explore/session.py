@@ -41,7 +41,7 @@ from designopt.optimize.parametric import (
 from designopt.programs import Prompt
 
 if TYPE_CHECKING:
-    from designopt.optimize.design_search import SearchStep
+    from designopt.optimize.search_result import SearchStep
 
 REST = 0.3
 """Seconds without a change after which requirements are judged."""

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from designopt.errors import UserError
-from designopt.optimize.design_search import DesignSearch, free_parameters
-from designopt.optimize.parametric import MeasureBound, ParametricDesign
+from designopt.optimize.design_search import DesignSearch
+from designopt.optimize.parametric import MeasureBound, ParametricDesign, free_parameters
 
 
 @dataclass(frozen=True)

@@ -107,7 +107,7 @@ def optimise(
 
 
 def _list(design: ParametricDesign) -> None:
-    from designopt.optimize.design_search import amount_text, find_measure, free_parameters
+    from designopt.optimize.parametric import amount_text, find_measure, free_parameters
 
     print(f"{design.title}: parameters (* those that are free by default)")
     free = free_parameters(design)

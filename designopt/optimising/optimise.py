@@ -11,8 +11,8 @@ from designopt.design_kind import Design
 from designopt.designs import load_design
 from designopt.errors import UserError
 from designopt.optimising.asked import Asked, parse_over
-from designopt.optimize.design_search import SearchResult, SearchStep
 from designopt.optimize.parametric import ParametricDesign
+from designopt.optimize.search_result import SearchResult, SearchStep
 
 
 def optimise(

@@ -17,12 +17,8 @@ from designopt.export.drawing import Drawing
 from designopt.export.line_styles import line_styles_of
 from designopt.io.spec import Spec, SpecFile
 from designopt.optimising.asked import Asked, parse_over
-from designopt.optimize.design_search import (
-    SearchResult,
-    amount_text,
-    find_measure,
-)
-from designopt.optimize.parametric import ParametricDesign
+from designopt.optimize.parametric import ParametricDesign, amount_text, find_measure
+from designopt.optimize.search_result import SearchResult
 from designopt.plot.figures import new_figure
 from designopt.plot.typesetting import drawn_name
 from designopt.study.records import Records

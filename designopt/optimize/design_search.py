@@ -11,32 +11,43 @@ goes on, as in an exchange method (R. Hettich, K. O. Kortanek, SIAM Rev. 35 (199
 
 from __future__ import annotations
 
-import difflib
 import functools
 import math
 from collections import deque
-from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.optimize import linprog, nnls
 from scipy.stats import qmc
 
 from designopt.errors import UserError
 from designopt.optimize.flat import column_slopes
+from designopt.optimize.linear_steps import (
+    ACTIVE,
+    MET,
+    PENALTIES,
+    Point,
+    balance,
+    bounds_at,
+    inward,
+    linear_step,
+)
 from designopt.optimize.optimality import STATIONARY, Active
 from designopt.optimize.parametric import (
     Measure,
     MeasureBound,
     ParametricDesign,
     Values,
+    amount_text,
+    check_bounds,
+    find_measure,
     shortfalls,
 )
 from designopt.optimize.problem import BOUND
+from designopt.optimize.search_result import SearchResult, SearchStep, labels_of
 from designopt.programs import Program
 
 UPDATES = 150
@@ -48,10 +59,6 @@ RADIUS, SMALLEST = 0.1, 1e-7
 ACCEPTED, TRUSTED = 0.1, 0.7
 """Parts of what the slopes promise: with so much a step is taken, with so much the box grows."""
 
-PENALTIES = (3.0, 3000.0)
-"""Least and greatest cost of missing a requirement by its scale, in scales of the objective: as
-little as leads back to it, for along curved limits a high one leaves small steps only."""
-
 CONVERGED = 1e-7
 """A step that promises less, in scales, is none."""
 
@@ -61,15 +68,11 @@ REMEMBERED = 8
 GAIN, PATIENCE = 1e-5, 25
 """So many iterations that together gain less, in scales, end the search."""
 
-HAIR, MET = 1e-7, 5e-8
-"""Requirements are searched with so much of their scale to spare, and are met where no more than
-the other is missed of that."""
+HAIR = 1e-7
+"""Requirements are searched with so much of their scale to spare."""
 
 ROUNDS, RESERVE = 3, 1.5
 """How often more is asked of what the judge misses, and how many times what is missing."""
-
-ACTIVE = 1e-5
-"""What is no farther from its limit, in scales or in parts of a range, may hold a design."""
 
 LEAST_SHARE = 0.01
 """What has a smaller part in all that holds a design is left out."""
@@ -78,249 +81,6 @@ NO_NUMBER = 1e6
 """By how many scales a piece or a margin that is no number counts as missed."""
 
 MEETING = "meeting the requirements"
-
-
-@dataclass(frozen=True)
-class SearchResult:
-    """What a search has come to.
-
-    Attributes:
-        objective: name of the measure that was improved.
-        free: ranges of the parameters that could change.
-        keep: all requirements, the design's own first.
-        before: every parameter, as it was at the start.
-        values: every parameter, as it was found.
-        judged_before: every measure at the start, by `ParametricDesign.judge`; empty where that
-            is no design.
-        judged: every measure of what was found.
-        active: what holds it, the dearest first; prices in the objective's unit: by how much it
-            would gain, to first order, if one unit less were asked.
-        slopes: of the objective and of every measure that is asked for, by the free parameters:
-            what one unit more of a parameter changes; empty, as ``active``, where the search found
-            nothing better than the start.
-        missed: the requirements that are missed, with their margins (negative), worst first.
-        conflict: requirements that no design near can meet better together, each with what it is
-            short of; empty where all are met, or where nothing shows that they conflict.
-        is_optimum: whether nothing near is better, to first order.
-        why: what ended the search, in words.
-    """
-
-    objective: str
-    free: dict[str, tuple[float, float]]
-    keep: tuple[MeasureBound, ...]
-    before: dict[str, float]
-    values: dict[str, float]
-    judged_before: dict[str, float]
-    judged: dict[str, float]
-    active: tuple[Active, ...]
-    slopes: dict[str, dict[str, float]]
-    missed: tuple[tuple[MeasureBound, float], ...]
-    conflict: tuple[str, ...]
-    is_optimum: bool
-    why: str
-
-    @property
-    def labels(self) -> dict[str, MeasureBound]:
-        """The requirements by the names that `active` has for them."""
-        return dict(zip(_labels(self.keep), self.keep, strict=True))
-
-    def summary(self, design: ParametricDesign) -> str:
-        """What was reached, in one line."""
-        if self.conflict:
-            return f"the requirements conflict: {'; '.join(self.conflict)}"
-        unit = find_measure(design, self.objective).unit
-        now, was = (
-            amount_text(judged[self.objective], unit) if judged else "no design"
-            for judged in (self.judged, self.judged_before)
-        )
-        what = f"{now} instead of {was}" if now != was else f"{now}, as before"
-        short = f"; {len(self.missed)} requirements are missed" if self.missed else ""
-        return f"{self.objective} {what}; {self.why}{short}"
-
-    def lines(self, design: ParametricDesign) -> tuple[str, ...]:
-        """What holds the result and what it costs, or what is missed, one line each."""
-        unit = find_measure(design, self.objective).unit
-        lines = [
-            f"missed: {bound} by {amount_text(-margin, find_measure(design, bound.measure).unit)}"
-            for bound, margin in self.missed
-        ]
-        lines += [f"conflict: {line}" for line in self.conflict]
-        lines += [
-            f"held by {one.words}: to ease it by {amount_text(1.0, one.unit)} gives "
-            f"{amount_text(one.price, unit)}"
-            for one in self.active
-        ]
-        return tuple(lines)
-
-
-@dataclass(frozen=True)
-class SearchStep:
-    """One iteration of a search.
-
-    Attributes:
-        phase: what it is part of: meeting the requirements, a search from some start, …
-        values: of every parameter after it.
-        message: what it reached, in one line.
-        done: whether it is the last one.
-        report: of the last one: what holds it and what that costs, or what is missed.
-        result: of the last one.
-    """
-
-    phase: str
-    values: dict[str, float]
-    message: str
-    done: bool = False
-    report: tuple[str, ...] = ()
-    result: SearchResult | None = field(default=None, repr=False)
-
-
-def find_measure(design: ParametricDesign, name: str) -> Measure:
-    """A measure by its name.
-
-    Raises:
-        UserError: there is none of that name.
-    """
-    measures = {one.name: one for one in design.measures}
-    if name not in measures:
-        raise UserError(
-            f"{design.title}: it has no measure '{name}'; {_hint(name, measures, 'it has')}"
-        )
-    return measures[name]
-
-
-def free_parameters(
-    design: ParametricDesign,
-    free: Sequence[str] = (),
-    bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
-) -> dict[str, tuple[float, float]]:
-    """Ranges of the parameters that a search may change.
-
-    Args:
-        design: the design.
-        free: their names, or beginnings of names up to a dot, such as ``mirrors.distal``; by
-            default those that the design frees.
-        bounds: other bounds of some of them than the design's.
-
-    Raises:
-        UserError: there is no such parameter, or its bounds leave nothing.
-    """
-    known = {one.name: one for one in design.parameters}
-    names = list(free) or list(known if design.free is None else design.free)
-    found: dict[str, tuple[float, float]] = {}
-    # Of a name and the beginning of it, the name's own bounds hold, in whatever order they come.
-    for name in sorted(names, key=len):
-        own = [one for one in known if one == name or one.startswith(f"{name}.")]
-        if not own:
-            raise UserError(
-                f"--free {name}: {design.title} has no such parameter; "
-                f"{_hint(name, known, 'there are')}"
-            )
-        for one in own:
-            ends = (bounds or {}).get(name, (None, None))
-            if ends == (None, None) and one in found:
-                continue
-            parameter = known[one]
-            low, high = (
-                default if end is None else end
-                for end, default in zip(ends, (parameter.low, parameter.high), strict=True)
-            )
-            if not low < high:
-                raise UserError(f"--free {name}={low:g}:{high:g}: leave it a range, low < high")
-            least, most = parameter.limits
-            if not least < low or not high < most:
-                raise UserError(
-                    f"--free {name}={low:g}:{high:g}: {one} lies between {least:g} and "
-                    f"{amount_text(most, parameter.unit)}, ends not included"
-                )
-            found[one] = low, high
-    return {name: found[name] for name in known if name in found}
-
-
-def check_bounds(design: ParametricDesign, keep: Sequence[MeasureBound]) -> None:
-    """Refuse requirements that nothing can meet, before anything is compiled.
-
-    Raises:
-        UserError: a measure is unknown, its relation makes no sense, or its value is beyond what it
-            can be.
-    """
-    for bound in keep:
-        measure = find_measure(design, bound.measure)
-        natural = ">=" if measure.worst == "least" else "<="
-        if bound.relation != natural:
-            raise UserError(
-                f"--keep '{bound.measure}{bound.relation}{bound.value:g}': of {bound.measure} the "
-                f"{measure.worst} value counts, over all postures; write {natural}"
-            )
-        low, high = measure.limits
-        beyond = bound.value > high if natural == ">=" else bound.value < low
-        if beyond:
-            end, limit = ("at most", high) if natural == ">=" else ("at least", low)
-            raise UserError(
-                f"--keep '{bound.measure}{bound.relation}{bound.value:g}': {measure.description} "
-                f"is {end} {amount_text(limit, measure.unit)}"
-            )
-
-
-class _Point(NamedTuple):
-    """A design, and what is asked of it to first order.
-
-    Attributes:
-        place: of the free parameters, in parts of their ranges.
-        pieces: of the objective, in its scale; the least one is made as large as possible.
-        margins: of all requirements, in their measures' scales; not negative where they are met.
-        piece_slopes: of the pieces by the place.
-        margin_slopes: of the margins by the place.
-    """
-
-    place: Float[np.ndarray, " free"]
-    pieces: Float[np.ndarray, " pieces"]
-    margins: Float[np.ndarray, " margins"]
-    piece_slopes: Float[np.ndarray, "pieces free"]
-    margin_slopes: Float[np.ndarray, "margins free"]
-
-    @property
-    def level(self) -> float:
-        """The objective."""
-        return float(np.min(self.pieces))
-
-    @property
-    def missing(self) -> float:
-        """By how much the requirement that is farthest from being met is missed."""
-        return max(-float(np.min(self.margins, initial=0.0)), 0.0)
-
-    @property
-    def rank(self) -> tuple[bool, float]:
-        """Greater is better: what meets all requirements, then the objective."""
-        return (True, self.level) if self.missing <= MET else (False, -self.missing)
-
-    def without_objective(self) -> _Point:
-        """The same, asked for its requirements alone."""
-        return self._replace(pieces=np.zeros(1), piece_slopes=np.zeros((1, self.place.size)))
-
-    def merit(self, penalty: float) -> float:
-        """What every step makes smaller: an exact penalty."""
-        return penalty * self.missing - self.level
-
-    def with_rows_of(self, others: Sequence[_Point]) -> _Point:
-        """The same, asked also for what was found missing at other places, to first order there.
-
-        What a step meets unawares, such as the edge beyond which a pad is hidden, has no slope on
-        this side of it. Rows that this place contradicts are left out.
-        """
-        found = self
-        for other in others:
-            way = self.place - other.place
-            low, under = other.pieces < self.level, other.margins < 0
-            pieces = other.pieces[low] + other.piece_slopes[low] @ way
-            margins = other.margins[under] + other.margin_slopes[under] @ way
-            fits, holds = pieces >= self.level, margins >= min(-self.missing, 0.0)
-            found = found._replace(
-                pieces=np.append(found.pieces, pieces[fits]),
-                piece_slopes=np.vstack([found.piece_slopes, other.piece_slopes[low][fits]]),
-                margins=np.append(found.margins, margins[holds]),
-                margin_slopes=np.vstack([found.margin_slopes, other.margin_slopes[under][holds]]),
-            )
-        return found
 
 
 class DesignSearch:
@@ -381,7 +141,7 @@ class DesignSearch:
         first = dict(values) if is_inside else self._named(begins[0], values)
         start = first, before if is_inside else self._judged(first)
         begins = yield from self._meeting(begins, full, reserve, values)
-        ends = list[tuple[_Point, str]]()
+        ends = list[tuple[Point, str]]()
         for number, begin in enumerate(begins, 1):
             if not self._at(begin, full, reserve).missing <= MET:
                 continue
@@ -430,7 +190,7 @@ class DesignSearch:
 
         return column_slopes(arrays, place)
 
-    def _at(self, place: np.ndarray, full: Array, reserve: np.ndarray) -> _Point:
+    def _at(self, place: np.ndarray, full: Array, reserve: np.ndarray) -> Point:
         arrays, slopes = self._program(jnp.asarray(place), full)
         sign = 1.0 if self.objective.worst == "least" else -1.0
         own, size = self.objective.name, place.size
@@ -449,7 +209,7 @@ class DesignSearch:
         piece_slopes = sign * slopes[own].reshape(-1, size) / self.objective.scale
         all_margins = np.concatenate(margins) + HAIR * ~moved
         # What is no number is as bad as can be, and shows no way.
-        return _Point(
+        return Point(
             place,
             np.where(np.isfinite(pieces), pieces, -NO_NUMBER),
             np.where(np.isfinite(all_margins), all_margins, -NO_NUMBER),
@@ -466,7 +226,7 @@ class DesignSearch:
         )
         return [
             (label, bound, index)
-            for label, bound in zip(_labels(self.keep), self.keep, strict=True)
+            for label, bound in zip(labels_of(self.keep), self.keep, strict=True)
             for index in np.ndindex(shapes[bound.measure].shape)
         ]
 
@@ -493,7 +253,7 @@ class DesignSearch:
         phase: str,
         *,
         meet: bool = False,
-    ) -> Generator[SearchStep, None, tuple[_Point, str]]:
+    ) -> Generator[SearchStep, None, tuple[Point, str]]:
         """The best point of one local search, and what ended it.
 
         Args:
@@ -505,15 +265,15 @@ class DesignSearch:
             meet: whether it ends as soon as all requirements are met, whatever the objective.
         """
 
-        def at(place: np.ndarray) -> _Point:
+        def at(place: np.ndarray) -> Point:
             point = self._at(place, full, reserve)
             return point.without_objective() if meet else point
 
         now = best = at(begin)
-        met, refused = deque[_Point](maxlen=REMEMBERED), False
+        met, refused = deque[Point](maxlen=REMEMBERED), False
         radius, penalty, counted, reached = RADIUS, PENALTIES[0], 0, math.inf
         for number in range(1, UPDATES + 1):
-            step, gain, penalty = _linear_step(now.with_rows_of(met), radius, penalty)
+            step, gain, penalty = linear_step(now.with_rows_of(met), radius, penalty)
             part = 0.0
             if gain > CONVERGED:
                 then = at(np.clip(now.place + step, 0.0, 1.0))
@@ -547,7 +307,7 @@ class DesignSearch:
         before: dict[str, float],
         best: dict[str, float],
         judged: dict[str, float],
-        found: _Point | None,
+        found: Point | None,
         conflict: tuple[str, ...],
         why: str,
     ) -> SearchStep:
@@ -573,13 +333,13 @@ class DesignSearch:
 
     # -- what holds it --------------------------------------------------------------------------
 
-    def _active(self, point: _Point) -> tuple[tuple[Active, ...], float]:
+    def _active(self, point: Point) -> tuple[tuple[Active, ...], float]:
         """What holds an optimum, and what multipliers leave of the objective's slope."""
         pieces = np.flatnonzero(point.pieces <= point.level + ACTIVE)
         margins = np.flatnonzero(point.margins <= ACTIVE)
-        ends, rows = _bounds_at(point.place), self._rows
-        slopes = np.concatenate([point.margin_slopes[margins], _inward(ends, point.place.size)])
-        multipliers, residual = _balance(point.piece_slopes[pieces], slopes)
+        ends, rows = bounds_at(point.place), self._rows
+        slopes = np.concatenate([point.margin_slopes[margins], inward(ends, point.place.size)])
+        multipliers, residual = balance(point.piece_slopes[pieces], slopes)
         scale, found = self.objective.scale, list[Active]()
         for number, multiplier in zip(margins, multipliers, strict=False):
             label, bound, index = rows[number]
@@ -599,14 +359,14 @@ class DesignSearch:
         held = [one for one in shares if one.share > LEAST_SHARE]
         return tuple(sorted(held, key=lambda one: -one.share)), residual
 
-    def _conflict(self, point: _Point) -> tuple[str, ...]:
+    def _conflict(self, point: Point) -> tuple[str, ...]:
         """The requirements that nothing near can meet better together, with what each is short of.
 
         They are those farthest from being met, if their slopes balance.
         """
         margins = np.flatnonzero(point.margins <= ACTIVE - point.missing)
-        slopes = _inward(_bounds_at(point.place), point.place.size)
-        multipliers, residual = _balance(point.margin_slopes[margins], slopes, of_level=True)
+        slopes = inward(bounds_at(point.place), point.place.size)
+        multipliers, residual = balance(point.margin_slopes[margins], slopes, of_level=True)
         rows, lines = self._rows, dict[str, None]()
         for number, multiplier in zip(margins, multipliers, strict=False):
             if multiplier > LEAST_SHARE and residual <= STATIONARY:
@@ -616,7 +376,7 @@ class DesignSearch:
                 lines[f"{self._words(bound, index)} by {amount}"] = None
         return tuple(lines)
 
-    def _slopes(self, point: _Point) -> dict[str, dict[str, float]]:
+    def _slopes(self, point: Point) -> dict[str, dict[str, float]]:
         """Of every measure asked for, where it is worst, by every free parameter."""
         kept = dict[str, tuple[np.ndarray, np.ndarray]]()
         rows = np.array([bound.measure for _, bound, _ in self._rows])
@@ -661,97 +421,12 @@ class DesignSearch:
         value = value if self.objective.worst == "least" else -value
         return 1, worst, value if math.isfinite(value) else -math.inf
 
-    def _reached(self, point: _Point) -> str:
+    def _reached(self, point: Point) -> str:
         if point.missing > MET:
             return f"requirements are missed by {point.missing:.2g} of their scales"
         value = point.level * self.objective.scale
         value = value if self.objective.worst == "least" else -value
         return f"{self.objective.name} {amount_text(value, self.objective.unit)}"
-
-
-def _linear_step(point: _Point, radius: float, penalty: float) -> tuple[np.ndarray, float, float]:
-    """The step that is best to first order, in a box.
-
-    A linear program in the step, the level t of the objective and the missing part s: the largest
-    t − P s with every piece at least t and every margin at least −s (R. Fletcher, *Practical
-    Methods of Optimization*, 2nd ed., §12.4 and §14.4, of exact penalties and their correction;
-    J. Hald, K. Madsen, Math. Programming 20 (1981) 49, of the least of several functions). As long
-    as it leaves something missing, P grows.
-
-    Args:
-        point: where it begins.
-        radius: half the side of the box.
-        penalty: P.
-
-    Returns:
-        The step, by how much it makes the merit smaller to first order, and P.
-    """
-    size = point.place.size
-    # What no step in the box can bring to its limit is left out.
-    reach = radius * np.sum(np.abs(point.margin_slopes), axis=1)
-    near = point.margins - reach < 0
-    margins, slopes = point.margin_slopes[near], point.piece_slopes
-    above = np.hstack([-slopes, np.ones((len(slopes), 1)), np.zeros((len(slopes), 1))])
-    kept = np.hstack([-margins, np.zeros((len(margins), 1)), -np.ones((len(margins), 1))])
-    limits = np.stack(
-        [np.maximum(-radius, -point.place), np.minimum(radius, 1.0 - point.place)], axis=1
-    ).tolist()
-    rows, values = np.vstack([above, kept]), np.concatenate([point.pieces, point.margins[near]])
-    bounds = [*limits, (None, None), (0.0, None)]
-    while True:
-        cost = np.concatenate([np.zeros(size), [-1.0, penalty]])
-        found = linprog(cost, A_ub=rows, b_ub=values, bounds=bounds, method="highs")
-        if found.status != 0:
-            return np.zeros(size), 0.0, penalty
-        if found.x[-1] <= MET or penalty >= PENALTIES[1]:
-            return found.x[:size], point.merit(penalty) - float(found.fun), penalty
-        penalty *= 10
-
-
-def _bounds_at(place: np.ndarray) -> list[tuple[int, int]]:
-    """The parameters that are at a bound, each with +1 if that is the lower one, −1 otherwise."""
-    return [
-        (number, side)
-        for side in (1, -1)
-        for number, part in enumerate(place.tolist())
-        if (part if side > 0 else 1.0 - part) <= ACTIVE
-    ]
-
-
-def _inward(ends: Sequence[tuple[int, int]], size: int) -> Float[np.ndarray, "ends free"]:
-    """Slopes of the distances to bounds."""
-    found = np.zeros((len(ends), size))
-    for row, (number, side) in enumerate(ends):
-        found[row, number] = side
-    return found
-
-
-def _balance(
-    pieces: Float[np.ndarray, "pieces free"],
-    others: Float[np.ndarray, "others free"],
-    *,
-    of_level: bool = False,
-) -> tuple[Float[np.ndarray, " multipliers"], float]:
-    """Multipliers of the conditions of Karush, Kuhn and Tucker, and what they leave, in parts.
-
-    Of a least piece they are Σ μ = 1 over the pieces that are the least, and Σ μ ∇piece +
-    Σ λ ∇other = 0 with what is active (J. Nocedal, S. J. Wright, *Numerical Optimization*, 2nd
-    ed., §12.3), found by non-negative least squares.
-
-    Args:
-        pieces: slopes of the pieces that are the least.
-        others: slopes of what is active.
-        of_level: whether to return μ, not λ.
-    """
-    slopes = np.vstack([pieces, others])
-    # The condition on the sum weighs as much as the slopes themselves.
-    weight = max(float(np.max(np.abs(pieces), initial=0.0)), SMALLEST)
-    sums = np.zeros(len(slopes))
-    sums[: len(pieces)] = weight
-    wanted = np.append(np.zeros(slopes.shape[1]), weight)
-    multipliers, left = nnls(np.vstack([slopes.T, sums]), wanted)
-    own = multipliers[: len(pieces)] if of_level else multipliers[len(pieces) :]
-    return own, float(left) / weight
 
 
 def search(
@@ -774,18 +449,3 @@ def search(
         UserError: as `DesignSearch`.
     """
     return DesignSearch(design, objective, free, keep).steps(values)
-
-
-def amount_text(value: float, unit: str) -> str:
-    """A number with its unit, to four digits."""
-    return f"{value:.4g}{'' if unit in ('', '°') else ' '}{unit}"
-
-
-def _labels(keep: Sequence[MeasureBound]) -> list[str]:
-    """Names of requirements, of which two may be on one measure."""
-    return [f"{number} {bound.measure}" for number, bound in enumerate(keep)]
-
-
-def _hint(name: str, known: Iterable[str], there_are: str) -> str:
-    close = difflib.get_close_matches(name, list(known), n=1)
-    return f"did you mean '{close[0]}'?" if close else f"{there_are} {', '.join(known)}"

@@ -7,6 +7,7 @@ either.
 from __future__ import annotations
 
 import abc
+import difflib
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -218,3 +219,100 @@ def shortfalls(
         if not margin >= -TOLERANCE * scales[bound.measure]
     ]
     return sorted(missed, key=lambda one: one[1] / scales[one[0].measure])
+
+
+def find_measure(design: ParametricDesign, name: str) -> Measure:
+    """A measure by its name.
+
+    Raises:
+        UserError: there is none of that name.
+    """
+    measures = {one.name: one for one in design.measures}
+    if name not in measures:
+        raise UserError(
+            f"{design.title}: it has no measure '{name}'; {_hint(name, measures, 'it has')}"
+        )
+    return measures[name]
+
+
+def free_parameters(
+    design: ParametricDesign,
+    free: Sequence[str] = (),
+    bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
+) -> dict[str, tuple[float, float]]:
+    """Ranges of the parameters that a search may change.
+
+    Args:
+        design: the design.
+        free: their names, or beginnings of names up to a dot, such as ``mirrors.distal``; by
+            default those that the design frees.
+        bounds: other bounds of some of them than the design's.
+
+    Raises:
+        UserError: there is no such parameter, or its bounds leave nothing.
+    """
+    known = {one.name: one for one in design.parameters}
+    names = list(free) or list(known if design.free is None else design.free)
+    found: dict[str, tuple[float, float]] = {}
+    # Of a name and the beginning of it, the name's own bounds hold, in whatever order they come.
+    for name in sorted(names, key=len):
+        own = [one for one in known if one == name or one.startswith(f"{name}.")]
+        if not own:
+            raise UserError(
+                f"--free {name}: {design.title} has no such parameter; "
+                f"{_hint(name, known, 'there are')}"
+            )
+        for one in own:
+            ends = (bounds or {}).get(name, (None, None))
+            if ends == (None, None) and one in found:
+                continue
+            parameter = known[one]
+            low, high = (
+                default if end is None else end
+                for end, default in zip(ends, (parameter.low, parameter.high), strict=True)
+            )
+            if not low < high:
+                raise UserError(f"--free {name}={low:g}:{high:g}: leave it a range, low < high")
+            least, most = parameter.limits
+            if not least < low or not high < most:
+                raise UserError(
+                    f"--free {name}={low:g}:{high:g}: {one} lies between {least:g} and "
+                    f"{amount_text(most, parameter.unit)}, ends not included"
+                )
+            found[one] = low, high
+    return {name: found[name] for name in known if name in found}
+
+
+def check_bounds(design: ParametricDesign, keep: Sequence[MeasureBound]) -> None:
+    """Refuse requirements that nothing can meet, before anything is compiled.
+
+    Raises:
+        UserError: a measure is unknown, its relation makes no sense, or its value is beyond what it
+            can be.
+    """
+    for bound in keep:
+        measure = find_measure(design, bound.measure)
+        natural = ">=" if measure.worst == "least" else "<="
+        if bound.relation != natural:
+            raise UserError(
+                f"--keep '{bound.measure}{bound.relation}{bound.value:g}': of {bound.measure} the "
+                f"{measure.worst} value counts, over all postures; write {natural}"
+            )
+        low, high = measure.limits
+        beyond = bound.value > high if natural == ">=" else bound.value < low
+        if beyond:
+            end, limit = ("at most", high) if natural == ">=" else ("at least", low)
+            raise UserError(
+                f"--keep '{bound.measure}{bound.relation}{bound.value:g}': {measure.description} "
+                f"is {end} {amount_text(limit, measure.unit)}"
+            )
+
+
+def amount_text(value: float, unit: str) -> str:
+    """A number with its unit, to four digits."""
+    return f"{value:.4g}{'' if unit in ('', '°') else ' '}{unit}"
+
+
+def _hint(name: str, known: Iterable[str], there_are: str) -> str:
+    close = difflib.get_close_matches(name, list(known), n=1)
+    return f"did you mean '{close[0]}'?" if close else f"{there_are} {', '.join(known)}"

@@ -81,7 +81,8 @@ class Seen:
 
 def look_at(scene: Scene, angles: Float[np.ndarray, " joints"]) -> Seen:
     """What is seen of a scene with pads at joint angles in rad."""
-    views, coverage, redundancy, missed = see_in_pose(scene, angles)
+    views, *parts = see_in_pose(scene, angles)
+    coverage, redundancy, missed = map(np.asarray, parts)
     several = jax.tree.map(lambda leaf: leaf[None], views)
     bounces = scene.layout.bounces
     sharpness = sharpness_of(scene, angles[None], several.value)

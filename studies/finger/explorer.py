@@ -308,7 +308,7 @@ def _now(swept: Swept) -> LinkageScene:
     return LinkageScene.at(
         linkage.structure,
         float(swept.size),
-        {name: places[0] for name, places in swept.joints.items()},
+        {name: np.asarray(places[0]) for name, places in swept.joints.items()},
         {name: float(turns[0]) for name, turns in swept.turns.items()},
         [
             (float(line.angle), float(swept.slides[index][0]))
@@ -320,7 +320,7 @@ def _now(swept: Swept) -> LinkageScene:
 def _linkage_readouts(swept: Swept) -> list[Readout]:
     ok = bool(swept.ok[0])
     found = {f"{name}": (np.degrees(each[0]), "°") for name, each in swept.angles.items()}
-    found["from lock-up"] = (swept.margin[0], "mm")
+    found["from lock-up"] = (np.asarray(swept.margin[0]), "mm")
     return [Readout(name, float(one) if ok else None, unit) for name, (one, unit) in found.items()]
 
 

@@ -7,7 +7,8 @@ import pytest
 
 from designopt.errors import UserError
 from designopt.optimize import MeasureBound, Parameter
-from designopt.optimize.design_search import DesignSearch, check_bounds, free_parameters, search
+from designopt.optimize.design_search import DesignSearch, search
+from designopt.optimize.parametric import check_bounds, free_parameters
 from tests.designopt.box import Box
 
 BOX = Box()

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from designopt import UserError
-from designopt.optimize.design_search import DesignSearch, free_parameters
-from designopt.optimize.parametric import shortfalls
+from designopt.optimize.design_search import DesignSearch
+from designopt.optimize.parametric import free_parameters, shortfalls
 from kinematics import compute_spring_energy, find_limits, parse_linkage
 from kinematics.export.drawing import linkage_quantities
 from kinematics.io.designed import DesignedLinkage

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from designopt.errors import UserError
-from designopt.optimize.design_search import free_parameters, search
-from designopt.optimize.parametric import shortfalls
+from designopt.optimize.design_search import search
+from designopt.optimize.parametric import free_parameters, shortfalls
 from studies.finger.kind import finger_parametric
 from studies.models.checks import Check
 from studies.models.finger import linkage_pins
