@@ -22,9 +22,10 @@ QUICK = {"xla_cpu_use_fusion_emitters": False}
 """Options of XLA, as `jax.jit` takes them: less than half the time, for programs as fast."""
 
 
-MOST_PACKED = 2**17
-"""Numbers that are worth copying, so that a program has one result of each type: JAX takes longer
-over a result than over a thousand numbers."""
+LEAST_PACKED, MOST_PACKED = 12, 2**17
+"""So many results, of no more numbers together, become one of each type: JAX takes longer over a
+result than over a thousand numbers. XLA may compute anew for each number of one what it would
+compute once for several, so that of few they stay apart."""
 
 
 class Program:
@@ -104,9 +105,10 @@ class _Packed:
         leaves, tree = jax.tree.flatten(result)
         leaves = [jnp.asarray(leaf) for leaf in leaves]
         is_small = sum(leaf.size for leaf in leaves) <= MOST_PACKED
+        is_packed = is_small and len(leaves) >= LEAST_PACKED
         arrays, parts = dict[str, list[Any]](), []
         for number, leaf in enumerate(leaves):
-            name = str(leaf.dtype) if is_small else str(number)
+            name = str(leaf.dtype) if is_packed else str(number)
             before = arrays.setdefault(name, [])
             parts.append((name, sum(one.size for one in before), leaf.shape))
             before.append(leaf.reshape(-1))

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from designopt.programs import MOST_PACKED, Program, Prompt, known_options
+from designopt.programs import LEAST_PACKED, MOST_PACKED, Program, Prompt, known_options
 
 
 def made(function=None, **given):
@@ -25,7 +25,8 @@ def made(function=None, **given):
 
 def test_results_are_those_of_jax_whatever_their_types():
     def several(x):
-        return {"sum": x.sum(), "same": x, "whole": jnp.arange(3), "any": x > 0, "none": None}
+        own = {"sum": x.sum(), "same": x, "whole": jnp.arange(3), "any": x > 0, "none": None}
+        return own | {"more": [n + x for n in range(LEAST_PACKED)]}
 
     x = np.linspace(-1.0, 1.0, 5)
     wanted = jax.jit(several)(x)
@@ -38,11 +39,13 @@ def test_results_are_those_of_jax_whatever_their_types():
 
 
 def test_large_results_are_not_copied_into_one():
-    program = Program(lambda x: (x, 2 * x))
-    small, large = np.zeros(3), np.zeros(MOST_PACKED)
-    assert len(program._compiled(small).arrays) == 1
-    assert len(program._compiled(large).arrays) == 2
-    np.testing.assert_array_equal(program(large)[1], 2 * large)
+    program = Program(lambda x: [n * x for n in range(LEAST_PACKED)])
+    small, large = np.ones(3), np.ones(MOST_PACKED)
+    for numbers, results in ((small, 1), (large, LEAST_PACKED)):
+        assert len(program._compiled(numbers).arrays) == results
+        np.testing.assert_array_equal(program(numbers)[5], 5 * numbers)
+    few = Program(lambda x: (x, 2 * x))
+    assert len(few._compiled(small).arrays) == 2
 
 
 def test_a_program_is_traced_by_jax_like_any_function():
