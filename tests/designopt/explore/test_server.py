@@ -6,6 +6,8 @@ import json
 import logging
 import socket
 import struct
+import threading
+import time
 from contextlib import AsyncExitStack, asynccontextmanager
 
 import numpy as np
@@ -15,7 +17,7 @@ from tornado.websocket import websocket_connect
 
 from designopt.errors import UserError
 from designopt.explore import server
-from designopt.explore.messages import LONGEST, read_message
+from designopt.explore.messages import LONGEST, Save, read_message
 from designopt.explore.server import MOST_TABS, listen
 from tests.designopt.explore.served import served
 from tests.designopt.explore.slider_crank import SliderCrank
@@ -286,3 +288,34 @@ def test_it_ends_some_time_after_its_last_tab_unless_one_comes_back(site, monkey
         assert site.site.deserted.is_set()
 
     asyncio.run(main())
+
+
+def test_an_interrupt_waits_for_what_is_being_saved(tmp_path, monkeypatch, capsys):
+    explorer, begun = SliderCrank(), threading.Event()
+    files = explorer.design.files
+
+    def slow(values):
+        begun.set()
+        time.sleep(0.5)
+        return files(values)
+
+    class Interrupted:
+        def __init__(self, site):
+            self.site = site
+
+        async def wait(self):
+            self.site.session.take("tab", Save(type="save", although_failing=True))
+            await asyncio.to_thread(begun.wait, 20)
+            raise KeyboardInterrupt
+
+    class Site(server.Site):
+        def __init__(self, *given):
+            super().__init__(*given)
+            self.deserted = Interrupted(self)
+
+    monkeypatch.setattr(explorer.design, "files", slow)
+    monkeypatch.setattr(server, "Site", Site)
+    with listen(0) as listener, pytest.raises(KeyboardInterrupt):
+        server.serve(explorer, tmp_path, listener, browser=False)
+    assert "saving what was asked for; Ctrl-C again ends at once" in capsys.readouterr().out
+    assert {path.name for path in tmp_path.iterdir()} == {"crank-1.toml", "raw-1.bin"}
