@@ -53,7 +53,10 @@ def write_sources(source: Path, *, run: bool, full: bool) -> None:
 
 
 def build_site(source: Path, site: Path) -> list[str]:
-    """Build the site from its Markdown; what is wrong with it, a line each."""
+    """Build the site from its Markdown; what is wrong with it, a line each.
+
+    A site that was there before is replaced by one with which nothing is wrong.
+    """
     config: Any = yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
     # Zensical builds only below the folder of its configuration.
     config |= {"docs_dir": source.name, "site_dir": "site"}
@@ -64,15 +67,18 @@ def build_site(source: Path, site: Path) -> list[str]:
     done = subprocess.run(command, cwd=file.parent, capture_output=True, text=True, check=False)
     if done.returncode:
         return [done.stdout + done.stderr]
-    shutil.rmtree(site, ignore_errors=True)
-    shutil.copytree(source.parent / "site", site)
-    for page in site.rglob("*.html"):
+    built = source.parent / "site"
+    for page in built.rglob("*.html"):
         text = page.read_text(encoding="utf-8")
-        depth = "../" * (len(page.relative_to(site).parts) - 1)
+        depth = "../" * (len(page.relative_to(built).parts) - 1)
         page.write_text(
             text.replace("https://unpkg.com/iframe-worker/shim", depth + SHIM), encoding="utf-8"
         )
-    return list(faults(site))
+    if wrong := list(faults(built)):
+        return wrong
+    shutil.rmtree(site, ignore_errors=True)
+    shutil.copytree(built, site)
+    return []
 
 
 def write_versions(folder: Path) -> None:
@@ -102,8 +108,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--full", action="store_true", help="tutorials with a reader's settings")
-    how.add_argument("--unrun", action="store_true", help="tutorials without outputs, in seconds")
+    how.add_argument("--unrun", action="store_true", help="tutorials without outputs")
     given = parser.parse_args(arguments)
+    if given.work.exists() and any(given.work.iterdir()) and not (given.work / "source").is_dir():
+        parser.error(f"--work {given.work}: it holds something else; name a new folder")
     shutil.rmtree(given.work, ignore_errors=True)
     given.work.mkdir(parents=True)
     source = given.work.resolve() / "source"
