@@ -183,7 +183,8 @@ class FingerExplorer(Explorer):
             moved = _straightened(self._designed.kind, swept, pin, at)
             found = dict(zip(_pin_parameters(pin), (moved.real, moved.imag), strict=True))
         else:
-            dip = values.get("dip", np.degrees(swept.dip[0]) if swept is not None else 0.0)
+            own = swept.dip[0] if swept is not None and swept.ok[0] else 0.0
+            dip = values.get("dip", np.degrees(own))
             found = self._moved_part(values, float(dip), handle, at)
         ranges = {one.name: (one.low, one.high) for one in self.design.parameters}
         clipped = {
