@@ -118,7 +118,8 @@ def _checksum(path: Path) -> str | None:
 def _name(of: AnyDistribution) -> str:
     """As package indexes compare it; empty of what an interrupted installation has left."""
     try:
-        name = of.metadata.get("Name") or ""
-    except FileNotFoundError:  # raised by the backport; the standard library's is empty
-        return ""
+        metadata = of.metadata
+    except FileNotFoundError:  # raised by the backport; before, and elsewhere, there is none
+        metadata = None
+    name = "" if metadata is None else metadata.get("Name") or ""
     return re.sub(r"[-_.]+", "-", name).lower()

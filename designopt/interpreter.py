@@ -159,17 +159,31 @@ def _same(value: Any) -> Any:
     return value
 
 
-def _divided(first: Any, second: Any) -> Any:
-    if np.issubdtype(np.asarray(first).dtype, np.inexact):
-        return first / second
-    quotient = np.abs(first) // np.abs(second)
-    return np.where((first < 0) != (second < 0), -quotient, quotient).astype(quotient.dtype)
+def _by_type(of_floats: Operation, of_integers: Operation) -> Rule:
+    """Of a primitive that treats integers in a way of its own."""
+
+    def rule(equation: JaxprEqn) -> Operation:
+        dtype = _result_of(equation).dtype
+        return of_floats if np.issubdtype(dtype, np.inexact) else of_integers
+
+    return rule
+
+
+def _quotient(first: Any, second: Any) -> Any:
+    """Towards zero; all bits are set where the divisor is 0."""
+    found = np.asarray(first // second)
+    found += (found * second != first) & ((first < 0) != (second < 0))
+    return np.where(second == 0, np.full_like(found, 0) - found.dtype.type(1), found)
+
+
+def _remainder(first: Any, second: Any) -> Any:
+    return np.where(second == 0, first, np.fmod(first, second))
 
 
 def _chosen(which: Any, *cases: Any) -> Any:
     if len(cases) == 2:
         return np.where(np.asarray(which, bool), cases[1], cases[0])
-    return np.choose(which, cases)
+    return np.choose(which, cases, mode="clip")
 
 
 RULES: dict[str, Rule] = {
@@ -180,9 +194,7 @@ RULES: dict[str, Rule] = {
         "sub": operator.sub,
         "mul": operator.mul,
         "neg": operator.neg,
-        "div": _divided,
-        "rem": np.fmod,
-        "pow": np.power,
+        "pow": lambda base, power: np.power(base, power).astype(base.dtype),
         "square": np.square,
         "max": np.maximum,
         "min": np.minimum,
@@ -201,7 +213,7 @@ RULES: dict[str, Rule] = {
         "gt": np.greater,
         "ge": np.greater_equal,
         "abs": np.abs,
-        "sign": np.sign,
+        "sign": lambda value: np.where(value == 0, value, np.sign(value)),
         "floor": np.floor,
         "ceil": np.ceil,
         "is_finite": np.isfinite,
@@ -230,6 +242,9 @@ RULES: dict[str, Rule] = {
 }
 
 
+RULES |= {"div": _by_type(operator.truediv, _quotient), "rem": _by_type(np.fmod, _remainder)}
+
+
 @_of("y")
 def _integer_pow(power: int) -> Operation:
     return np.square if power == 2 else lambda value: value ** np.asarray(power, value.dtype)
@@ -239,12 +254,32 @@ def _integer_pow(power: int) -> Operation:
 def _round(method: Any) -> Operation:
     if int(method) == 1:  # to the nearest even number
         return np.rint
-    return lambda value: np.trunc(value + np.copysign(0.5, value)).astype(value.dtype)
+
+    def away(value: Any) -> Any:
+        # A half is added to what is cut off, for to numbers just below a half it gives 1.
+        whole = np.trunc(value)
+        return whole + np.where(np.abs(value - whole) >= 0.5, np.sign(value), 0.0)
+
+    return away
 
 
-@_of("new_dtype")
-def _convert_element_type(dtype: Any) -> Operation:
-    return lambda value: np.asarray(value).astype(dtype)
+def _convert_element_type(equation: JaxprEqn) -> Operation:
+    dtype = equation.params["new_dtype"]
+    given: Any = equation.invars[0].aval
+    if not (np.issubdtype(given.dtype, np.floating) and np.issubdtype(dtype, np.integer)):
+        return lambda value: np.asarray(value).astype(dtype)
+    low, high = np.iinfo(dtype).min, np.iinfo(dtype).max
+
+    def whole(value: Any) -> Any:
+        # What does not fit becomes the nearest that does, and what is no number 0.
+        fits = (value > float(low)) & (value < float(high))
+        found = np.where(fits, value, 0.0).astype(dtype)
+        return np.where(value >= float(high), high, np.where(value <= float(low), low, found))
+
+    return whole
+
+
+RULES["convert_element_type"] = _convert_element_type
 
 
 @_of("shape", "broadcast_dimensions")
@@ -459,9 +494,8 @@ def _indexed(
     shape: Integers,
     windows: Integers,
     of_operand: Mapping[Any, int],
-    sizes: Integers,
+    kept: Sequence[bool],
     batching: tuple[Integers, Integers],
-    operand_shape: Integers,
 ) -> list[Any]:
     """Where every element of a gather's result, or of a scatter's updates, is in the operand.
 
@@ -470,9 +504,8 @@ def _indexed(
         shape: of the result or the updates.
         windows: axes of ``shape`` within a window; the others are those of ``start``.
         of_operand: which axis of ``start`` indexes an axis of the operand.
-        sizes: of a window, along the operand's axes; 1 where ``windows`` has none.
+        kept: of the operand's axes, which ``windows`` has.
         batching: axes of the operand that go with axes of ``start``, and these.
-        operand_shape: of the operand.
 
     Returns:
         For every axis of the operand its indices, not limited to what there is.
@@ -484,7 +517,7 @@ def _indexed(
         for axis, size in enumerate(shape)
     ]
     found = []
-    for axis in range(len(operand_shape)):
+    for axis, is_kept in enumerate(kept):
         if axis in batching[0]:
             found.append(grid[outer[batching[1][batching[0].index(axis)]]])
             continue
@@ -495,7 +528,7 @@ def _indexed(
             for own, size in zip(outer, given.shape, strict=True):
                 placed[own] = size
             index = given.reshape(placed)
-        if sizes[axis] is not None:
+        if is_kept:
             index = index + grid[next(within)]
         found.append(index)
     return found
@@ -505,7 +538,7 @@ def _gather(equation: JaxprEqn) -> Operation:
     params, shape = equation.params, _result_of(equation).shape
     numbers, sizes = params["dimension_numbers"], params["slice_sizes"]
     dropped = (*numbers.collapsed_slice_dims, *numbers.operand_batching_dims)
-    own = [None if axis in dropped else size for axis, size in enumerate(sizes)]
+    kept = [axis not in dropped for axis in range(len(sizes))]
     fills = params["mode"] is jax.lax.GatherScatterMode.FILL_OR_DROP
     filling = params["fill_value"]
     if fills and filling is None:
@@ -519,9 +552,7 @@ def _gather(equation: JaxprEqn) -> Operation:
     def operation(operand: Any, start: Any) -> Any:
         most = np.array([operand.shape[axis] - sizes[axis] for axis in numbers.start_index_map])
         inside = np.clip(start, 0, most)
-        places = _indexed(
-            inside, shape, numbers.offset_dims, of_operand, own, batching, operand.shape
-        )
+        places = _indexed(inside, shape, numbers.offset_dims, of_operand, kept, batching)
         found = operand[tuple(places)] if places else operand
         found = np.broadcast_to(found, shape)
         if not fills:
@@ -551,8 +582,8 @@ def _scatter(equation: JaxprEqn) -> Operation:
     combine = SCATTERED[equation.primitive.name]
 
     def operation(operand: Any, start: Any, updates: Any) -> Any:
-        sizes = [None if axis in dropped else 1 for axis in range(operand.ndim)]
-        places = _indexed(start, updates.shape, (), of_operand, sizes, batching, operand.shape)
+        kept = [axis not in dropped for axis in range(operand.ndim)]
+        places = _indexed(start, updates.shape, (), of_operand, kept, batching)
         places = np.broadcast_arrays(*places, updates)[:-1]
         there = np.ones(updates.shape, bool)
         for index, size in zip(places, operand.shape, strict=True):

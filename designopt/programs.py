@@ -51,7 +51,9 @@ class Program:
         self._function, self.static = function, tuple(static_argnames)
 
     @functools.cached_property
-    def _compiled(self) -> Any:
+    def compiled(self) -> Any:
+        """What `jax.jit` makes of it; its results are packed."""
+
         def packed(*args: Any, **kwargs: Any) -> _Packed:
             return _Packed.of(self._function(*args, **kwargs))
 
@@ -66,7 +68,7 @@ class Program:
 
     def run(self, *args: Any, **kwargs: Any) -> Any:
         """What it returns once it is compiled, which it is if need be."""
-        return self._compiled(*args, **kwargs).unpacked()
+        return self.compiled(*args, **kwargs).unpacked()
 
     def trace(self, *args: Any, **kwargs: Any) -> jax.stages.Traced:
         """The function as JAX traces it."""
@@ -141,6 +143,21 @@ class _Call:
     run: Callable[[], Any]
     interpreter: Interpreter | None = None
     is_compiled: bool = False
+    fault: Exception | None = None
+
+    @property
+    def waits(self) -> bool:
+        """Whether it is to be compiled; what could not be is not tried again."""
+        return not self.is_compiled and self.fault is None
+
+    def compile(self) -> None:
+        """Compile it; what that raises is kept."""
+        try:
+            self.run()
+        except Exception as error:
+            self.fault = error
+        else:
+            self.is_compiled, self.interpreter = True, None
 
 
 class Prompt:
@@ -172,14 +189,22 @@ class Prompt:
     @property
     def is_behind(self) -> bool:
         """Whether anything was called that is not compiled."""
-        return not all(one.is_compiled for one in [*self._calls.values()])
+        return any(one.waits for one in [*self._calls.values()])
 
     def compile(self) -> None:
-        """Compile what was called, with all cores and in the float type of whoever calls this."""
-        while waiting := [one for one in list(self._calls.values()) if not one.is_compiled]:
-            side_by_side([one.run for one in waiting])
-            for one in waiting:
-                one.is_compiled, one.interpreter = True, None
+        """Compile what was called, with all cores and in the float type of whoever calls this.
+
+        Raises:
+            Exception: what the first program raised that could not be compiled; all others are,
+                and NumPy goes on to answer for that one.
+        """
+        tried = list[_Call]()
+        while waiting := [one for one in [*self._calls.values()] if one.waits]:
+            side_by_side([one.compile for one in waiting])
+            tried += waiting
+        for fault in (one.fault for one in tried):
+            if fault is not None:
+                raise fault
 
     def has_compiled(self, program: Program, args: Any, kwargs: Any) -> bool:
         """Whether a program is compiled for arguments like these; it is to be, from now on."""
@@ -202,6 +227,7 @@ class Prompt:
         types = tuple(map(_type_of, leaves))
         key = program, tuple(fixed.items()), tree, types
         if key not in self._calls:
+            _ = program.compiled  # one for all threads that are to compile it
             self._calls[key] = _Call(functools.partial(program.run, *args, **kwargs))
         return self._calls[key]
 

@@ -89,6 +89,8 @@ def serve(explorer: Explorer, folder: Path, listener: socket.socket, *, browser:
     workers = list[Worker]()
     try:
         asyncio.run(_serve(explorer, folder, listener, browser, workers))
+        for worker in workers:  # Python must not be taken down around what XLA compiles
+            worker.join()
     except KeyboardInterrupt:
         owing = [worker for worker in workers if worker.owes]
         if owing:
@@ -96,8 +98,6 @@ def serve(explorer: Explorer, folder: Path, listener: socket.socket, *, browser:
         for worker in owing:
             worker.join()
         raise
-    for worker in workers:  # Python must not be taken down around what XLA compiles
-        worker.join()
 
 
 async def _serve(

@@ -120,7 +120,7 @@ class Session:
     def __init__(self, explorer: Explorer, folder: Path, send: Send) -> None:
         self._explorer, self._folder, self._send = explorer, folder, send
         self._design = design = explorer.design
-        self._prompt, self._compiling = Prompt(), False
+        self._prompt, self._compiling, self._is_listed = Prompt(), False, False
         with self._prompt.answering():
             self.parameters = {one.name: one for one in (*explorer.joints, *design.parameters)}
         self._dimensions = [one.name for one in design.parameters]
@@ -138,7 +138,7 @@ class Session:
             "parameters": [
                 _parameter(one, joint=one in explorer.joints) for one in self.parameters.values()
             ],
-            "measures": [],  # likewise
+            "measures": [],  # listed once they are known
             "panels": [],
             "readouts": None,
             "message": "",
@@ -278,7 +278,9 @@ class Session:
             return changed, *self._computed({**before.values, **changed})
 
         def done(future: Future, changes: int = self._changes) -> None:
-            if (found := self._result(future)) is None or changes != self._changes:
+            found = self._result(future)
+            self._compile_soon()
+            if found is None or changes != self._changes:
                 return
             changed, state, panels = found
             now = {**self._now.values, **changed}
@@ -352,12 +354,12 @@ class Session:
             if found is not None and not is_old:
                 state, panels = found
                 self._publish_state(state, panels, seqs)
-            if self._judged is None and self._rest is None:
+            if not self._is_listed:
+                self._is_listed = True
                 self._slow.submit("measures", self._list_measures, self._listed)
+            if self._judged is None and self._rest is None:
                 self._judge_soon()
-            if self._prompt.is_behind and not self._compiling:
-                self._compiling = True
-                self._slow.submit("compile", self._prompt.compile, self._compiled)
+            self._compile_soon()
 
         self._picture.submit("show", lambda: self._computed(values), done)
 
@@ -377,6 +379,11 @@ class Session:
     def _listed(self, future: Future) -> None:
         if (measures := self._result(future)) is not None:
             self._publish(measures=measures)
+
+    def _compile_soon(self) -> None:
+        if self._prompt.is_behind and not self._compiling:
+            self._compiling = True
+            self._slow.submit("compile", self._prompt.compile, self._compiled)
 
     def _compiled(self, future: Future) -> None:
         """Show what is computed by compiled programs alone."""

@@ -170,7 +170,9 @@ class PoseEvaluator:
             block = inputs[start : start + self._batch]
             spare = self._batch - len(block)
             padded = np.pad(block, ((0, spare), (0, 0)), mode="edge")
-            solved = _solve(self.linkage, distances, padded, dimensions=self.dimensions)
+            # What is iterated has too many steps for NumPy.
+            solve = _solve.run if self.iterated else _solve
+            solved = solve(self.linkage, distances, padded, dimensions=self.dimensions)
             found.append(jax.tree.map(np.asarray, solved).rows(slice(len(block))))
         return together(*found)
 

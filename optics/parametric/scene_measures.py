@@ -39,7 +39,8 @@ class Sight(NamedTuple):
     """What is seen in poses.
 
     Attributes:
-        found: the pieces.
+        found: the pieces; ``margin`` as `find_views` has it where a pad is hidden, else perhaps as
+            `find_pieces`.
         coverage: part of each pad that is seen.
         redundancy: by how many paths a point of it is seen on average.
         missed_by: see `missed_by`.

@@ -21,6 +21,7 @@ UNIT = np.tanh(X)
 ODD = np.array([-0.0, 0.0, np.nan, np.inf, -np.inf, 1.5, 2.5, -0.5])
 WHOLE = np.array([-7, -1, 0, 3, 8])
 OTHER = np.array([2, 3, -5, -2, 3])
+LEAST = np.array([np.iinfo(int).min, np.iinfo(int).max])
 BITS = np.array([True, False, True, False])
 
 
@@ -60,6 +61,21 @@ def gathered(mode, fill=None):
 CASES = {
     "arithmetic": (lambda x, y: (x + y, x - y, x * y, -x, x / y, lax.rem(x, y)), X, Y),
     "whole numbers": (lambda x, y: (lax.div(x, y), lax.rem(x, y), x // y, x % y), WHOLE, OTHER),
+    "division by zero": (
+        lambda x: (lax.div(x, jnp.zeros_like(x)), lax.rem(x, jnp.zeros_like(x))),
+        WHOLE,
+    ),
+    "the least number": (lambda x: (lax.div(x, 2), lax.div(x, 3), lax.rem(x, -3)), LEAST),
+    "what does not fit": (
+        lambda x: (x.astype(jnp.int32), x.astype(int), x.astype(jnp.uint8)),
+        np.array([np.nan, np.inf, -np.inf, 1e12, 300.0, -3.7, 254.9, 1e300]),
+    ),
+    "mixed types": (lax.pow, X.astype(np.float32), np.full((3, 4), 3)),
+    "a case beyond": (
+        lambda x, w: lax.select_n(w, x, -x, 2 * x),
+        X[0],
+        np.array([5, -3, 1, 2]),
+    ),
     "bits": (
         lambda x, y: (x & y, x | y, x ^ y, ~x, x << 2, x >> 1),
         WHOLE,
@@ -94,7 +110,7 @@ CASES = {
     "signs": (lambda x: (jnp.abs(x), jnp.sign(x), jnp.isfinite(x), lax.nextafter(x, 1.0)), ODD),
     "rounding": (
         lambda x: (jnp.floor(x), jnp.ceil(x), jnp.round(x), lax.round(x)),
-        ODD,
+        np.append(ODD, [0.49999999999999994, -0.49999999999999994, 4503599627370497.0]),
     ),
     "limits": (
         lambda x, y: (jnp.maximum(x, y), jnp.minimum(x, y), lax.clamp(-0.3, x, 0.4)),
@@ -243,6 +259,8 @@ def test_numpy_computes_what_xla_computes(name):
         assert (one.shape, one.dtype) == (other.shape, other.dtype)
         tolerance = 1e-6 if one.dtype == np.float32 else 1e-13
         np.testing.assert_allclose(one, other, rtol=tolerance, atol=tolerance)
+        if name == "signs":
+            np.testing.assert_array_equal(np.signbit(one), np.signbit(other))
 
 
 def primitives(program):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 
 import jax
@@ -42,10 +43,10 @@ def test_large_results_are_not_copied_into_one():
     program = Program(lambda x: [n * x for n in range(LEAST_PACKED)])
     small, large = np.ones(3), np.ones(MOST_PACKED)
     for numbers, results in ((small, 1), (large, LEAST_PACKED)):
-        assert len(program._compiled(numbers).arrays) == results
+        assert len(program.compiled(numbers).arrays) == results
         np.testing.assert_array_equal(program(numbers)[5], 5 * numbers)
     few = Program(lambda x: (x, 2 * x))
-    assert len(few._compiled(small).arrays) == 2
+    assert len(few.compiled(small).arrays) == 2
 
 
 def test_a_program_is_traced_by_jax_like_any_function():
@@ -77,10 +78,10 @@ def test_nothing_is_compiled_before_it_is_asked_for():
         np.testing.assert_allclose(program(2 * numbers), np.sin(2 * numbers), rtol=1e-15)
     assert len(traced) == 1
     assert prompt.is_behind
-    assert not program._compiled._cache_size()
+    assert not program.compiled._cache_size()
     prompt.compile()
     assert not prompt.is_behind
-    assert program._compiled._cache_size() == 1
+    assert program.compiled._cache_size() == 1
     with prompt.answering():
         np.testing.assert_allclose(program.when_compiled(numbers), np.sin(numbers), rtol=1e-15)
         program(3 * numbers)
@@ -115,14 +116,24 @@ def test_a_prompt_answers_in_its_own_thread_only():
 
 
 def test_what_cannot_be_compiled_is_answered_still():
-    def refused(x):
+    program, other = made()[0], made(jnp.cos)[0]
+    prompt = Prompt()
+    with prompt.answering():
+        program(1.0)
+        other(1.0)
+
+    def refused(*_):
         raise ValueError("no such thing")
 
-    program, prompt = Program(refused), Prompt()
-    with prompt.answering(), pytest.raises(ValueError, match="no such thing"):
-        program(1.0)
+    program.compiled = refused
+    prompt._calls[next(iter(prompt._calls))].run = refused
     with pytest.raises(ValueError, match="no such thing"):
         prompt.compile()
+    assert not prompt.is_behind
+    prompt.compile()  # it is not tried again
+    with prompt.answering():
+        assert float(program(1.0)) == pytest.approx(math.sin(1.0))
+        assert float(other.when_compiled(1.0)) == pytest.approx(math.cos(1.0))
 
 
 def test_options_unknown_to_xla_are_left_out(monkeypatch):

@@ -47,6 +47,7 @@ export class Inputs {
     const { send, sendChange, newGesture, model } = this.link;
     const set = (value, event) => {
       row.sent = sendChange({ type: 'set', values: { [one.name]: value } }, event);
+      row.shown = null; // it holds what the server does not have yet
     };
     slider.addEventListener('pointerdown', () => { row.held = true; newGesture(); });
     for (const kind of ['pointerup', 'pointercancel', 'blur']) {
@@ -78,7 +79,10 @@ export class Inputs {
     });
     entered(low, bound);
     entered(high, bound);
-    lock.addEventListener('change', () => send({ type: 'lock', name: one.name, locked: lock.checked }));
+    lock.addEventListener('change', () => {
+      row.shown = null;
+      send({ type: 'lock', name: one.name, locked: lock.checked });
+    });
   }
 
   // What stands in a bound's field, exactly what it was where it was not changed.

@@ -1,4 +1,4 @@
-// The page: what the server sends is shown in the next frame, what a person changes is sent to it.
+// The page: what the server sends is shown by the next frame, what a person changes is sent to it.
 
 import { find, html, withUnit } from './elements.js';
 import { Inputs } from './inputs.js';
@@ -13,6 +13,7 @@ const seqs = { sent: 0, seq: 0, shown: 0 };
 const sentAt = new Map(); // when the events happened whose picture has not come yet
 let gesture = 0;
 let frame = 0;
+let measuring = 0; // a picture has been drawn since the last frame
 let announcing = 0;
 
 const socket = new WebSocket(`ws://${location.host}/ws`);
@@ -76,8 +77,8 @@ socket.addEventListener('message', ({ data }) => {
   if ('shown' in received) changed.add('panels');
   Object.assign(model, fields);
   for (const name of Object.keys(fields)) changed.add(ALSO[name] ?? name);
-  // A picture is drawn while the next frame is waited for.
-  if ('shown' in received) render();
+  // A picture is drawn while the next frame is waited for, unless one was since the last frame.
+  if ('shown' in received && !measuring && !document.hidden) render();
   else if (!frame) frame = requestAnimationFrame(render);
 });
 
@@ -99,7 +100,8 @@ function measure() {
   if (!shown.length) return;
   const start = sentAt.get(shown.at(-1));
   shown.forEach((seq) => sentAt.delete(seq));
-  requestAnimationFrame(() => {
+  measuring = requestAnimationFrame(() => {
+    measuring = 0;
     const { port1, port2 } = new MessageChannel();
     port1.onmessage = () => {
       performance.measure('change to picture', { start, end: performance.now() });

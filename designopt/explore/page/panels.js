@@ -12,7 +12,7 @@ export class Panels {
     this.panels = new Map();
   }
 
-  // Take what has changed; nothing is drawn before the next frame.
+  // Take what has changed; nothing is drawn yet.
   take(changes) {
     const old = this.panels;
     this.panels = new Map(changes.map((change) => {

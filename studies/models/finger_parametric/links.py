@@ -188,7 +188,9 @@ class LinkageAspect:
             yield self._ask("|AF|", limits.crank_offset)
             yield self._ask("|EF|", limits.crank_length, "mm", "greatest")
         at = {name: Vector(jnp.zeros(()), jnp.zeros(())) for name in linkage_pins(finger).names}
-        for label in jax.eval_shape(_inside, finger, at):
+        labels = list[str]()  # in their order, which JAX does not keep
+        jax.eval_shape(lambda *given: labels.extend(_inside(*given)), finger, at)
+        for label in labels:
             yield self._gap(label, keep, keep - limits.clearance)
         for meeting in self._meetings:
             yield self._gap(name_of(meeting), limits.clearance)

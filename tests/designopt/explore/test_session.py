@@ -7,6 +7,7 @@ import sys
 import threading
 from pathlib import Path
 
+import jax.numpy as jnp
 import pytest
 
 from designopt.errors import UserError
@@ -16,6 +17,7 @@ from designopt.explore.saving import save_specs
 from designopt.explore.session import History, Session, Settings
 from designopt.explore.wire import encode_panels
 from designopt.io.spec import SpecFile
+from designopt.programs import Program
 from tests.designopt.explore import slider_crank
 from tests.designopt.explore.slider_crank import LOCKED, SliderCrank
 
@@ -395,3 +397,80 @@ def test_a_fault_of_a_design_is_shown(run, capfd):
 
     run(guest, Broken())
     assert "division by zero" in capfd.readouterr().err
+
+
+class Prompted(SliderCrank):
+    """A slider-crank that computes what it shows and drags by programs."""
+
+    def __init__(self, shown=jnp.sin):
+        super().__init__()
+        self.shown, self.dragged, self.shows = Program(shown), Program(jnp.cos), 0
+        self.begun, self.go_on = threading.Event(), threading.Event()
+        self.go_on.set()
+
+    def show(self, values):
+        self.shows += 1
+        self.begun.set()
+        self.go_on.wait(20)
+        self.shown(values["crank"])
+        return super().show(values)
+
+    def drag(self, values, handle, place):
+        self.dragged(values["crank"])
+        return super().drag(values, handle, place)
+
+
+def test_programs_are_compiled_after_the_first_picture_and_after_a_drag(run):
+    explorer = Prompted()
+
+    async def guest(session, say, until):
+        await until(lambda _: not session._prompt.is_behind)
+        assert explorer.shown.compiled._cache_size() == 1
+        assert not explorer.dragged.compiled._cache_size()
+        (handle, x, y, _), *_ = session.model["panels"][0]["handles"]
+        say(f"{{'type':'drag','handle':'{handle}','x':{x - 1},'y':{-y},'seq':1,'gesture':1}}")
+        await until(lambda _: explorer.dragged.compiled._cache_size() == 1)
+
+    run(guest, explorer)
+
+
+def test_a_program_that_cannot_be_compiled_is_named_once_and_answered_by_numpy(run, capfd):
+    explorer = Prompted()
+
+    def refused(*_):
+        raise UserError("no such processor")
+
+    explorer.shown.compiled = refused
+
+    async def guest(session, say, until):
+        await until(lambda model: model["note"] == "no such processor")
+        shows = explorer.shows
+        await asyncio.sleep(0.3)
+        assert explorer.shows <= shows + 1
+        say(set_("crank", 50.0))
+        await until(lambda model: model["values"]["crank"] == 50.0 and explorer.shows > shows)
+
+    run(guest, explorer)
+
+
+def test_measures_are_listed_though_a_dimension_is_changed_before_the_first_picture(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr(sessions, "REST", 0.02)
+    explorer = Prompted()
+    explorer.go_on.clear()
+
+    async def main():
+        session = Session(explorer, tmp_path, lambda *_: None)
+        await asyncio.to_thread(explorer.begun.wait, 20)
+        session.take("tab", read_message(set_("radius", 30.0).replace("'", '"')))
+        explorer.go_on.set()
+        for _ in range(1000):
+            if session.model["measures"]:
+                break
+            await asyncio.sleep(0.01)
+        assert [row[0] for row in session.model["measures"]] == ["stroke", "angle"]
+        for worker in session.end():
+            worker.join()
+
+    asyncio.run(main())
