@@ -57,7 +57,8 @@ def write_screenshots(folder: Path) -> None:
 
 def _wait(page: Page) -> None:
     """Until readouts and requirements are computed, and shown."""
-    done = "() => !document.body.innerText.includes('computing')"
+    listed = "!document.getElementById('optimising').hidden"
+    done = f"() => {listed} && !document.body.innerText.includes('computing')"
     page.wait_for_function(done, timeout=PATIENCE)
     page.evaluate("scrollTo(0, 0)")
     page.wait_for_timeout(500)
