@@ -143,13 +143,16 @@ def _plain(operation: Operation) -> Rule:
     return lambda _: operation
 
 
+def _given(make: Callable[..., Operation], *names: str) -> Rule:
+    """What is made of some of a primitive's parameters."""
+    return lambda equation: make(*(equation.params[name] for name in names))
+
+
 def _of(*names: str) -> Callable[[Callable[..., Operation]], Callable[..., Operation]]:
-    """A rule that is called with some of a primitive's parameters."""
+    """Lets a function of some of a primitive's parameters be its rule; it has its name."""
 
     def decorated(make: Callable[..., Operation]) -> Callable[..., Operation]:
-        RULES[make.__name__.strip("_")] = lambda equation: make(
-            *(equation.params[name] for name in names)
-        )
+        RULES[make.__name__.strip("_")] = _given(make, *names)
         return make
 
     return decorated
@@ -157,6 +160,14 @@ def _of(*names: str) -> Callable[[Callable[..., Operation]], Callable[..., Opera
 
 def _same(value: Any) -> Any:
     return value
+
+
+def _spread(value: Any, axes: Integers, count: int) -> Any:
+    """An array's axes as some of so many; it is 1 long along the others."""
+    sizes = [1] * count
+    for axis, size in zip(axes, np.shape(value), strict=True):
+        sizes[axis] = size
+    return np.reshape(value, sizes)
 
 
 def _by_type(of_floats: Operation, of_integers: Operation) -> Rule:
@@ -284,13 +295,7 @@ RULES["convert_element_type"] = _convert_element_type
 
 @_of("shape", "broadcast_dimensions")
 def _broadcast_in_dim(shape: Integers, kept: Integers) -> Operation:
-    def operation(value: Any) -> Any:
-        sizes = [1] * len(shape)
-        for axis, size in zip(kept, np.shape(value), strict=True):
-            sizes[axis] = size
-        return np.broadcast_to(np.reshape(value, sizes), shape)
-
-    return operation
+    return lambda value: np.broadcast_to(_spread(value, kept, len(shape)), shape)
 
 
 @_of("dtype", "shape", "dimension")
@@ -300,49 +305,19 @@ def _iota(dtype: Any, shape: Integers, dimension: int) -> Operation:
     return lambda: values
 
 
-@_of("new_sizes")
-def _reshape(shape: Integers) -> Operation:
-    return lambda value: np.reshape(value, shape)
-
-
-@_of("dimensions")
-def _squeeze(dimensions: Integers) -> Operation:
-    return lambda value: np.squeeze(value, tuple(dimensions))
-
-
-@_of("permutation")
-def _transpose(permutation: Integers) -> Operation:
-    return lambda value: np.transpose(value, permutation)
-
-
-@_of("dimensions")
-def _rev(dimensions: Integers) -> Operation:
-    return lambda value: np.flip(value, tuple(dimensions))
-
-
-@_of("reps")
-def _tile(reps: Integers) -> Operation:
-    return lambda value: np.tile(value, reps)
-
-
-@_of("dimension")
-def _concatenate(dimension: int) -> Operation:
-    return lambda *values: np.concatenate(values, dimension)
-
-
-@_of("axis")
-def _stack(axis: int) -> Operation:
-    return lambda *values: np.stack(values, axis)
-
-
-@_of("axis")
-def _unstack(axis: int) -> Operation:
-    return lambda value: list(np.moveaxis(value, axis, 0))
-
-
-@_of("sizes", "axis")
-def _split(sizes: Integers, axis: int) -> Operation:
-    return lambda value: np.split(value, np.cumsum(sizes)[:-1], axis)
+RULES |= {
+    "reshape": _given(lambda shape: lambda one: np.reshape(one, shape), "new_sizes"),
+    "squeeze": _given(lambda axes: lambda one: np.squeeze(one, tuple(axes)), "dimensions"),
+    "transpose": _given(lambda order: lambda one: np.transpose(one, order), "permutation"),
+    "rev": _given(lambda axes: lambda one: np.flip(one, tuple(axes)), "dimensions"),
+    "tile": _given(lambda times: lambda one: np.tile(one, times), "reps"),
+    "concatenate": _given(lambda axis: lambda *every: np.concatenate(every, axis), "dimension"),
+    "stack": _given(lambda axis: lambda *every: np.stack(every, axis), "axis"),
+    "unstack": _given(lambda axis: lambda one: [*np.moveaxis(one, axis, 0)], "axis"),
+    "split": _given(
+        lambda sizes, axis: lambda one: np.split(one, np.cumsum(sizes)[:-1], axis), "sizes", "axis"
+    ),
+}
 
 
 @_of("start_indices", "limit_indices", "strides")
@@ -351,21 +326,21 @@ def _slice(starts: Integers, limits: Integers, strides: Integers | None) -> Oper
     return lambda value: value[cut]
 
 
+def _window(value: Any, sizes: Integers, starts: Sequence[Any]) -> tuple[slice, ...]:
+    """Where a window is, moved to where all of it is inside."""
+    room = zip(starts, sizes, value.shape, strict=True)
+    first = [int(np.clip(start, 0, whole - size)) for start, size, whole in room]
+    return tuple(slice(a, a + size) for a, size in zip(first, sizes, strict=True))
+
+
 @_of("slice_sizes")
 def _dynamic_slice(sizes: Integers) -> Operation:
-    def operation(value: Any, *starts: Any) -> Any:
-        room = zip(starts, sizes, value.shape, strict=True)
-        first = [int(np.clip(start, 0, whole - size)) for start, size, whole in room]
-        return value[tuple(slice(a, a + size) for a, size in zip(first, sizes, strict=True))]
-
-    return operation
+    return lambda value, *starts: value[_window(value, sizes, starts)]
 
 
 def _dynamic_update_slice(value: Any, new: Any, *starts: Any) -> Any:
-    room = zip(starts, new.shape, value.shape, strict=True)
-    first = [int(np.clip(start, 0, whole - size)) for start, size, whole in room]
     changed = np.array(value)
-    changed[tuple(slice(a, a + size) for a, size in zip(first, new.shape, strict=True))] = new
+    changed[_window(value, new.shape, starts)] = new
     return changed
 
 
@@ -427,14 +402,16 @@ RULES |= {
 }
 
 
-@_of("axes", "index_dtype")
-def _argmax(axes: Integers, dtype: Any) -> Operation:
-    return lambda value: np.argmax(value, int(axes[0])).astype(dtype)
+def _place_of(operation: Operation) -> Rule:
+    """Where along an axis something is."""
+    return _given(
+        lambda axes, dtype: lambda value: operation(value, int(axes[0])).astype(dtype),
+        "axes",
+        "index_dtype",
+    )
 
 
-@_of("axes", "index_dtype")
-def _argmin(axes: Integers, dtype: Any) -> Operation:
-    return lambda value: np.argmin(value, int(axes[0])).astype(dtype)
+RULES |= {"argmax": _place_of(np.argmax), "argmin": _place_of(np.argmin)}
 
 
 def _along(operation: Operation) -> Rule:
@@ -523,11 +500,7 @@ def _indexed(
             continue
         index: Any = 0
         if axis in of_operand:
-            given = start[..., of_operand[axis]]
-            placed = [1] * len(shape)
-            for own, size in zip(outer, given.shape, strict=True):
-                placed[own] = size
-            index = given.reshape(placed)
+            index = _spread(start[..., of_operand[axis]], outer, len(shape))
         if is_kept:
             index = index + grid[next(within)]
         found.append(index)
@@ -559,10 +532,8 @@ def _gather(equation: JaxprEqn) -> Operation:
             return found
         there = np.all(inside == start, axis=-1)
         outer = [axis for axis in range(len(shape)) if axis not in numbers.offset_dims]
-        spread = [1] * len(shape)
-        for axis, size in zip(outer, there.shape, strict=True):
-            spread[axis] = size
-        return np.where(there.reshape(spread), found, np.asarray(filling, operand.dtype))
+        inside = _spread(there, outer, len(shape))
+        return np.where(inside, found, np.asarray(filling, operand.dtype))
 
     return operation
 

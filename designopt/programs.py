@@ -21,7 +21,6 @@ from designopt.interpreter import Interpreter
 QUICK = {"xla_cpu_use_fusion_emitters": False}
 """Options of XLA, as `jax.jit` takes them: less than half the time, for programs as fast."""
 
-
 LEAST_PACKED, MOST_PACKED = 12, 2**17
 """So many results, of no more numbers together, become one of each type: JAX takes longer over a
 result than over a thousand numbers. XLA may compute anew for each number of one what it would
@@ -70,10 +69,6 @@ class Program:
         """What it returns once it is compiled, which it is if need be."""
         return self.compiled(*args, **kwargs).unpacked()
 
-    def trace(self, *args: Any, **kwargs: Any) -> jax.stages.Traced:
-        """The function as JAX traces it."""
-        return jax.jit(self._function, static_argnames=self.static).trace(*args, **kwargs)
-
     def when_compiled(self, *args: Any, **kwargs: Any) -> Any:
         """The same; ``None`` where it is not compiled yet while a `Prompt` answers."""
         prompt = _ANSWERING.get()
@@ -93,7 +88,7 @@ class _Packed:
     """Arrays side by side in one of each type.
 
     Attributes:
-        arrays: one-dimensional, by their types; the arrays themselves where they are large.
+        arrays: one-dimensional, by their types; apart where they are few, or large.
         tree: what is made of all of them.
         parts: of each its type, where it begins and its shape.
     """
@@ -128,7 +123,7 @@ class _Packed:
 
 @functools.cache
 def known_options() -> dict[str, Any]:
-    """`QUICK`, unless this version of XLA does not know it."""
+    """`QUICK`, unless this version of XLA has no such option."""
     try:
         jax.jit(jnp.negative, compiler_options=QUICK)(0.0)
     except jax.errors.JaxRuntimeError:
@@ -217,8 +212,9 @@ class Prompt:
             return program.run(*args, **kwargs)
         given = {name: value for name, value in kwargs.items() if name not in program.static}
         if (interpreter := call.interpreter) is None:
-            interpreter = call.interpreter = Interpreter(program.trace(*args, **kwargs))
-        return interpreter(*args, **given)
+            # What is traced here is what XLA compiles later: JAX keeps it.
+            interpreter = call.interpreter = Interpreter(program.compiled.trace(*args, **kwargs))
+        return interpreter(*args, **given).unpacked()
 
     def _call(self, program: Program, args: Any, kwargs: Any) -> _Call:
         fixed = {name: kwargs[name] for name in program.static if name in kwargs}

@@ -192,15 +192,16 @@ def _in_poses(
         paths = unfold_all(layout, placed, words)
         return placed, paths, Faces.all_of(scene, placed, paths)
 
-    if not batch:
+    if batch:
+        poses = angles.reshape(math.prod(batch), angles.shape[-1])
+        placed, paths, faces = jax.vmap(unfolded)(poses)
+    else:
         placed, paths, faces = unfolded(angles)
-        camera, still = jax.lax.stop_gradient((scene.camera, (paths, faces)))
-        return answer(placed, paths, faces, search(camera, *still))
-    poses = angles.reshape(math.prod(batch), angles.shape[-1])
-    placed, paths, faces = jax.vmap(unfolded)(poses)
     # The search decides by comparisons only: its derivatives would be 0, or those of the ends once
     # more, and a reverse pass would keep its tables.
     camera, still = jax.lax.stop_gradient((scene.camera, (paths, faces)))
+    if not batch:
+        return answer(placed, paths, faces, search(camera, *still))
     shadows = (len(words[-1]) + 1) * layout.solids.size + 1
     looked_at = len(layout.pads) + sum(face.kind == "clear" for face in layout.bodies)
     most = max(TABLE // (looked_at * len(words) * shadows**2), 1)

@@ -57,9 +57,9 @@ def spread_evenly(
     (1998) 466 (scrambling).
     """
     sizes = deviations(tolerances, mirrors)
-    # Asked for in a power of two, as its balance needs.
     import scipy.stats  # takes a second, and most commands draw no errors
 
+    # Asked for in a power of two, as its balance needs.
     sobol = scipy.stats.qmc.Sobol(len(sizes), rng=np.random.default_rng([seed, 1]))
     even = sobol.random_base2(int(np.ceil(np.log2(count))))[:count]
     return sizes * scipy.stats.norm.ppf(even)

@@ -440,7 +440,7 @@ def test_a_program_that_cannot_be_compiled_is_named_once_and_answered_by_numpy(r
     def refused(*_):
         raise UserError("no such processor")
 
-    explorer.shown.compiled = refused
+    explorer.shown.run = refused
 
     async def guest(session, say, until):
         await until(lambda model: model["note"] == "no such processor")
