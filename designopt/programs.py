@@ -229,9 +229,10 @@ class Prompt:
 
 
 def _type_of(leaf: Any) -> tuple[Any, Any]:
-    if isinstance(leaf, jax.Array | np.ndarray):
+    try:
         return leaf.shape, leaf.dtype
-    return np.shape(leaf), np.result_type(leaf)
+    except AttributeError:  # a number of Python's
+        return np.shape(leaf), np.result_type(leaf)
 
 
 _ANSWERING: ContextVar[Prompt | None] = ContextVar("answering", default=None)

@@ -76,7 +76,11 @@ def _load() -> None:
     """Load what is compiled: an interrupt in the middle of that may crash Python."""
     with deferred() as is_interrupted:
         keep_programs()
-        import jax  # noqa: F401
+        import jax
+
+        # A move runs a few programs of a millisecond: to hand them to another thread and to wait
+        # for it takes as long, where a browser needs the cores as well.
+        jax.config.update("jax_cpu_enable_async_dispatch", False)
     if is_interrupted():
         raise KeyboardInterrupt
 

@@ -129,6 +129,14 @@ class Explorer(abc.ABC):
     def sketch(self) -> Sequence[View]:
         """The views of the design as it is in its file, in its first pose: nothing is compiled."""
 
+    def views(self, values: Values) -> Sequence[View] | None:
+        """The views that `show` of these values, which follows, would return, but for their notes.
+
+        For designs whose numbers take longer than their picture; by default ``None``, and `show`
+        alone is asked.
+        """
+        return None
+
     @abc.abstractmethod
     def show(self, values: Values) -> ExplorerState:
         """What these values give. Never raises for values inside their ranges."""

@@ -318,7 +318,8 @@ class Tab(_Guarded, WebSocketHandler):
 
     def send(self, fields: str, seqs: Mapping[str, int]) -> None:
         """Send fields of the model, as JSON; a tab that does not keep up gets all of them later."""
-        if self._unanswered >= MOST_UNANSWERED:
+        # What has changed is sent, so that after one message is left out no other can follow it.
+        if self._is_behind or self._unanswered >= MOST_UNANSWERED:
             self._is_behind = True
             return
         self._unanswered += 1

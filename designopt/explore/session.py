@@ -11,7 +11,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from designopt.errors import UserError, reason_of
 from designopt.explore.explorer import Explorer, ExplorerState, number_text
@@ -46,8 +46,12 @@ if TYPE_CHECKING:
 REST = 0.3
 """Seconds without a change after which requirements are judged."""
 
+ECHO = 0.03
+"""Seconds after a change at which its values are sent, if its picture did not take them along."""
+
 LONGEST_HISTORY = 1000
 MOST_PRESETS = 100
+EMPTY: Mapping[Hashable, int] = {}
 AS_DESIGNED = "as designed"
 CHANGED = "stopped, for the design was changed"
 
@@ -65,6 +69,20 @@ class Settings:
     values: Mapping[str, float]
     locked: frozenset[str]
     bounds: Mapping[str, tuple[float, float]]
+
+
+class Shown(NamedTuple):
+    """A picture on its way to the tabs.
+
+    Attributes:
+        values: what it is of.
+        panels: its panels, the views alone if their numbers are still to come.
+        state: with the numbers.
+    """
+
+    values: Values
+    panels: list[Wire]
+    state: ExplorerState | None = None
 
 
 class History:
@@ -128,10 +146,11 @@ class Session:
         bounds = {name: (one.low, one.high) for name, one in self.parameters.items()}
         self._history = History(Settings(explorer.values(), frozenset(), bounds))
         self.seqs: dict[Hashable, int] = {}
-        self._changes = 0
+        self._changes, self._pictured = 0, explorer.values()
         self._judged: tuple[Values, Mapping[str, float]] | None = None
         self._search: Iterator[SearchStep] | None = None
         self._rest: asyncio.TimerHandle | None = None
+        self._echo: asyncio.TimerHandle | None = None
         self._picture, self._slow = Worker(), Worker()
         self.model: Wire = {
             "title": design.title,
@@ -170,8 +189,7 @@ class Session:
         match message:
             case SetValues():
                 self._known(message.values, self.parameters)
-                self.seqs[tab] = message.seq
-                self._set(message.values, (tab, message.gesture))
+                self._set(message.values, (tab, message.gesture), {tab: message.seq})
             case Drag():
                 self.seqs[tab] = message.seq
                 self._drag(message, (tab, message.gesture))
@@ -233,10 +251,12 @@ class Session:
 
     # What a person changes.
 
-    def _set(self, values: Values, gesture: Hashable = None) -> None:
+    def _set(
+        self, values: Values, gesture: Hashable = None, seqs: Mapping[Hashable, int] = EMPTY
+    ) -> None:
         self._note("")
         allowed = self._allowed(values, note=True)
-        self._change(replace(self._now, values={**self._now.values, **allowed}), gesture)
+        self._change(replace(self._now, values={**self._now.values, **allowed}), gesture, seqs)
 
     def _allowed(self, values: Values, *, note: bool = False) -> dict[str, float]:
         """Values within their bounds, of those that are numbers and not locked."""
@@ -270,23 +290,22 @@ class Session:
         self._stop(CHANGED)
         before, place, seqs = self._now, (message.x, message.y), dict(self.seqs)
 
-        def compute() -> tuple[dict[str, float], ExplorerState, list[Wire]]:
+        def compute() -> tuple[dict[str, float], Shown]:
             with self._prompt.answering():
                 dragged = self._explorer.drag(before.values, message.handle, place)
             own = {name: dragged[name] for name in handles[message.handle] if name in dragged}
             changed = self._allowed(own)
-            return changed, *self._computed({**before.values, **changed})
+            return changed, self._first_shown({**before.values, **changed})
 
         def done(future: Future, changes: int = self._changes) -> None:
             found = self._result(future)
-            self._compile_soon()
             if found is None or changes != self._changes:
                 return
-            changed, state, panels = found
+            changed, shown = found
             now = {**self._now.values, **changed}
             self._change(replace(self._now, values=now), gesture, is_shown=True)
             if now == {**before.values, **changed}:
-                self._publish_state(state, panels, seqs)
+                self._publish_shown(shown, seqs)
             else:  # another handle was dragged meanwhile
                 self._show()
 
@@ -323,23 +342,33 @@ class Session:
         self._changed()
 
     def _change(
-        self, settings: Settings, gesture: Hashable = None, *, is_shown: bool = False
+        self,
+        settings: Settings,
+        gesture: Hashable = None,
+        seqs: Mapping[Hashable, int] = EMPTY,
+        *,
+        is_shown: bool = False,
     ) -> None:
         self._stop(CHANGED)
+        self.seqs |= seqs  # no earlier: values are sent with what they are the answer to
         self._history.change(settings, gesture)
         self._changed(is_shown=is_shown)
 
     def _changed(self, *, is_shown: bool = False) -> None:
-        """Show what follows from other settings; a drag's picture is computed with its values."""
+        """Show what follows from other settings; a drag's picture is computed with its values.
+
+        The settings are sent along with the picture: a browser takes long over a message.
+        """
         values = self._own(self.model["values"])
-        self._publish(**self._settings())
         if not is_shown:
             self._changes += 1
             self._show()
+        if self._echo is None:
+            self._echo = asyncio.get_running_loop().call_later(ECHO, self._publish)
         if values == self._design_values():
             return
         self._judge_soon()
-        if self._search is None and self.model["step"] != CHANGED:
+        if self._search is None and self.model["step"] not in ("", CHANGED):
             self._publish(step="", report=[])  # they are another design's
 
     # What is shown.
@@ -348,25 +377,57 @@ class Session:
         values, seqs, changes = self._now.values, dict(self.seqs), self._changes
 
         def done(future: Future) -> None:
-            found = self._result(future)
+            shown = self._result(future)
             # Not after the picture of a drag that has ended meanwhile.
             is_old = changes == self._changes and values != self._now.values
-            if found is not None and not is_old:
-                state, panels = found
-                self._publish_state(state, panels, seqs)
-            if not self._is_listed:
-                self._is_listed = True
-                self._slow.submit("measures", self._list_measures, self._listed)
-            if self._judged is None and self._rest is None:
-                self._judge_soon()
-            self._compile_soon()
+            if shown is None or is_old:
+                self._follow_up()
+            else:
+                self._publish_shown(shown, seqs)
 
-        self._picture.submit("show", lambda: self._computed(values), done)
+        self._picture.submit("show", lambda: self._first_shown(values), done)
 
-    def _computed(self, values: Values) -> tuple[ExplorerState, list[Wire]]:
+    def _first_shown(self, values: Values) -> Shown:
+        """The views, if they can be had before all else."""
+        with self._prompt.answering():
+            views = self._explorer.views(values)
+            return self._shown(values) if views is None else Shown(values, encode_panels(views))
+
+    def _shown(self, values: Values) -> Shown:
         with self._prompt.answering():
             state = self._explorer.show(values)
-        return state, encode_panels(state.panels)
+        return Shown(values, encode_panels(state.panels), state)
+
+    def _publish_shown(self, shown: Shown, seqs: Mapping[Hashable, int]) -> None:
+        charts = [one for one in self.model["panels"] if one["kind"] == "chart"]
+        if shown.state is not None:
+            self._publish(seqs, panels=shown.panels, **_numbers(shown.state))
+            self._follow_up()
+            return
+        self._pictured = shown.values
+        self._publish(seqs, panels=[*shown.panels, *charts])
+
+        def done(future: Future) -> None:
+            if (whole := self._result(future)) is not None:
+                panels = whole.panels
+                if whole.values != self._pictured:  # another picture has come before its numbers
+                    views = [one for one in self.model["panels"] if one["kind"] == "view"]
+                    panels = [*views, *(one for one in panels if one["kind"] == "chart")]
+                self._publish(panels=panels, **_numbers(whole.state))
+            self._follow_up()
+
+        self._picture.submit("numbers", lambda: self._shown(shown.values), done, first=True)
+
+    def _follow_up(self) -> None:
+        """Begin in the second thread what can wait until something is shown."""
+        if not self._is_listed:
+            self._is_listed = True
+            self._slow.submit("measures", self._list_measures, self._listed)
+        if self._judged is None and self._rest is None:
+            self._judge_soon()
+        if self._prompt.is_behind and not self._compiling:
+            self._compiling = True
+            self._slow.submit("compile", self._prompt.compile, self._compiled)
 
     def _sketch(self) -> list[Wire]:
         with self._prompt.answering():
@@ -380,11 +441,6 @@ class Session:
         if (measures := self._result(future)) is not None:
             self._publish(measures=measures)
 
-    def _compile_soon(self) -> None:
-        if self._prompt.is_behind and not self._compiling:
-            self._compiling = True
-            self._slow.submit("compile", self._prompt.compile, self._compiled)
-
     def _compiled(self, future: Future) -> None:
         """Show what is computed by compiled programs alone."""
         self._compiling = False
@@ -395,14 +451,12 @@ class Session:
         if (panels := self._result(future)) is not None:
             self._publish(panels=panels)
 
-    def _publish_state(
-        self, state: ExplorerState, panels: list[Wire], seqs: Mapping[Hashable, int]
-    ) -> None:
-        readouts = [[one.name, number_text(one.value), one.unit] for one in state.readouts]
-        self._publish(seqs, panels=panels, readouts=readouts, message=state.message)
-
     def _publish(self, shown: Mapping[Hashable, int] | None = None, **fields: Any) -> None:
         """Send what has changed; all numbers of a picture where the tabs wait for them."""
+        if self._echo is not None:
+            self._echo.cancel()
+            self._echo = None
+            fields = {**self._settings(), **fields}
         changed = changed_fields(fields, self.model)
         if "values" in fields:  # a slider that was led back to its bound
             changed["values"] = fields["values"]
@@ -432,7 +486,8 @@ class Session:
         if self._rest is not None:
             self._rest.cancel()
         self._rest = asyncio.get_running_loop().call_later(REST, self._judge)
-        self._publish(judging=True)
+        if not self.model["judging"]:
+            self._publish(judging=True)
 
     def _judge(self) -> None:
         if self._search is not None:  # its last step is judged
@@ -570,6 +625,11 @@ class Session:
         self._search = None
         self._publish(optimising="", step=reason)
         self._judge_soon()
+
+
+def _numbers(state: ExplorerState) -> Wire:
+    readouts = [[one.name, number_text(one.value), one.unit] for one in state.readouts]
+    return {"readouts": readouts, "message": state.message}
 
 
 def _parameter(one: Parameter, *, joint: bool) -> Wire:

@@ -11,6 +11,7 @@ from typing import Any
 
 Job = Callable[[], Any]
 Done = Callable[[Future], None]
+_Jobs = dict[Hashable, tuple[Job, Done]]
 
 
 class Worker:
@@ -21,7 +22,7 @@ class Worker:
     """
 
     def __init__(self) -> None:
-        self._jobs: dict[Hashable, tuple[Job, Done]] = {}
+        self._jobs: _Jobs = {}
         self._changed, self._now = threading.Condition(), None
         self._ended = False
         self._loop = asyncio.get_running_loop()
@@ -29,11 +30,15 @@ class Worker:
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
-    def submit(self, name: str | None, job: Job, done: Done) -> None:
-        """Compute a job; its result, or what it raised, goes to ``done`` in the event loop."""
+    def submit(self, name: str | None, job: Job, done: Done, *, first: bool = False) -> None:
+        """Compute a job; its result, or what it raised, goes to ``done`` in the event loop.
+
+        It is computed after those that wait, or before them if it is to be ``first``.
+        """
         with self._changed:
-            self._jobs.pop(name, None)  # the new one is computed after those that wait
-            self._jobs[object() if name is None else name] = job, done
+            self._jobs.pop(name, None)
+            new: _Jobs = {object() if name is None else name: (job, done)}
+            self._jobs = new | self._jobs if first else self._jobs | new
             self._changed.notify()
 
     def end(self) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,6 +39,23 @@ RANGE_DEG = (0.0, 90.0)
 """Of transmission angles."""
 
 
+class Look(NamedTuple):
+    """What there is at one set of values.
+
+    Attributes:
+        inputs: rad or mm.
+        sweep: the pose, and the range of the input that moved last; ``None`` where distances make
+            no triangles.
+        view: the drawing.
+        broken: why there is no sweep.
+    """
+
+    inputs: np.ndarray
+    sweep: Sweep | None
+    view: View
+    broken: str
+
+
 class LinkageExplorer(Explorer):
     """Inputs and distances of a linkage, as a person turns them."""
 
@@ -56,6 +74,7 @@ class LinkageExplorer(Explorer):
         self._dragging = Dragging(self.design)
         self._swept = 0
         self._last = self._poses.home
+        self._looked: tuple[Values, Look] | None = None
 
     @functools.cached_property
     def joints(self) -> tuple[Parameter, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -82,8 +101,24 @@ class LinkageExplorer(Explorer):
         scene = sketched_scene(self._designed.linkage)
         return [self._view(draw_linkage(scene, title=self.design.title), scene)]
 
+    def views(self, values: Values) -> Sequence[View]:
+        """See `Explorer`."""
+        return [self._look(values).view]
+
     def show(self, values: Values) -> ExplorerState:
         """See `Explorer`; the input that moved last is the abscissa of the charts."""
+        inputs, sweep, view, broken = self._look(values)
+        matter = self._matter(sweep) if sweep is not None and not sweep.ok else broken
+        charts = self._charts(inputs, sweep)
+        return ExplorerState(self._readouts(inputs, sweep), [view, *charts], matter)
+
+    def _look(self, values: Values) -> Look:
+        """What there is at these values; it is kept, for `show` follows upon `views`."""
+        if self._looked is None or self._looked[0] != values:
+            self._looked = dict(values), self._look_anew(values)
+        return self._looked[1]
+
+    def _look_anew(self, values: Values) -> Look:
         inputs, distances = self._inputs(values), self.design.distances(values)
         moved = np.flatnonzero(np.abs(inputs - self._last) > SAME)
         if moved.size:
@@ -93,16 +128,10 @@ class LinkageExplorer(Explorer):
         if broken:
             faint = _faint(draw_linkage(sketched_scene(self._designed.linkage)))
             view = View("Linkage", faint._replace(title=self.design.title))
-            return ExplorerState(
-                self._readouts(inputs, None), [view, *self._charts(inputs, None)], broken
-            )
+            return Look(inputs, None, view, broken)
         cases = self.design.cases
         sweep = self._poses.sweep(distances, inputs, self._swept, self._span(), cases)
-        return ExplorerState(
-            self._readouts(inputs, sweep),
-            [self._pose(sweep), *self._charts(inputs, sweep)],
-            "" if sweep.ok else self._matter(sweep),
-        )
+        return Look(inputs, sweep, self._pose(sweep), "")
 
     def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
         """See `Explorer`; all other joints stay where they are, as far as that is possible."""
@@ -173,7 +202,7 @@ class LinkageExplorer(Explorer):
         for joint in traced_joints(self._structure):
             path = sweep.poses.joints[:, self._structure.joints.index(joint)]
             for run in _runs(sweep.poses.ok):
-                places = [(float(x), float(y)) for x, y in path[run]]
+                places = [(x, y) for x, y in path[run].tolist()]
                 lines.append(Polyline(layer, places, name=f"path of {joint}"))
         return drawing._replace(
             title=self.design.title,

@@ -227,8 +227,9 @@ def _lines(scene: Scene, part: BodyPart) -> list[np.ndarray]:
 
 def _pin_radius(scene: Scene) -> float:
     """Of all pins, mm: files give places of pins, not their diameters."""
+    joints = {name: place.tolist() for name, place in scene.joints.items()}
     apart = [
-        math.dist(scene.joints[first], scene.joints[second])
+        math.dist(joints[first], joints[second])
         for part in scene.structure.bodies
         for first, second in itertools.combinations(part.joints, 2)
     ]
@@ -252,7 +253,7 @@ def _cross(layer: str, joint: str, place: Place, radius: float) -> list[Polyline
 
 
 def _stroke(layer: str, line: np.ndarray) -> Polyline:
-    places = [(float(x), float(y)) for x, y in line]
+    places = [(x, y) for x, y in line.tolist()]
     closed = len(places) > 2 and places[0] == places[-1]
     return Polyline(layer, places[:-1] if closed else places, closed)
 

@@ -16,6 +16,7 @@ from kinematics.solve.solver import Pose
 
 Points = Float[np.ndarray, "_ 2"]
 Place = Float[np.ndarray, "2"]
+Corner = tuple[float, ...]
 Travel = Mapping[int, tuple[float, float]]
 
 TRACK_END, SLOT_END = 0.1, 0.04
@@ -137,11 +138,11 @@ def hull(points: Points) -> Points:
 
     Source: A. M. Andrew, Another efficient algorithm for convex hulls in two dimensions, 1979.
     """
-    order = [points[i] for i in np.lexsort((points[:, 1], points[:, 0]))]
-    rounding = 1e-12 * float(np.ptp(points, axis=0).max()) ** 2
+    order = sorted(map(tuple, points.tolist()))
+    rounding = 1e-12 * max(max(part) - min(part) for part in zip(*order, strict=True)) ** 2
 
-    def chain(sorted_points: Iterable[Place]) -> list[Place]:
-        corners: list[Place] = []
+    def chain(sorted_points: Iterable[Corner]) -> list[Corner]:
+        corners: list[Corner] = []
         for point in sorted_points:
             while len(corners) >= 2 and _cross(corners[-2], corners[-1], point) <= rounding:
                 corners.pop()
@@ -151,8 +152,8 @@ def hull(points: Points) -> Points:
     return np.array(chain(order) + chain(reversed(order)))
 
 
-def _cross(a: Place, b: Place, c: Place) -> float:
-    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+def _cross(a: Corner, b: Corner, c: Corner) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def _bridge(places: Points, ends: Points) -> Points:

@@ -26,10 +26,9 @@ from designopt.explore.explorer import (
 from designopt.export.drawing import Drawing, Label, Layer, Place, Polyline
 from designopt.optimize.parametric import Values
 from designopt.programs import Program
-from designopt.solution import Solution
 from optics.export.scene_drawing import CAMERA, draw_scene, draw_views
 from optics.parametric.scene import SceneParameters, scene_at
-from optics.parametric.scene_measures import see_in_pose, sharpness_of
+from optics.parametric.scene_measures import Sight, see_in_pose, sharpness_of
 from optics.plot.section import Section
 from optics.scene.designed import DesignedScene
 from optics.scene.scene import WORLD, Layout, Scene
@@ -55,11 +54,10 @@ PLACES = 61
 
 @dataclasses.dataclass(frozen=True)
 class Seen:
-    """What is seen in one pose.
+    """What is seen in one pose, how sharply, and what is not.
 
     Attributes:
-        views: the pieces, unbatched.
-        coverage: part of each pad that is seen.
+        sight: the pieces, unbatched.
         sharpness: of what is seen; its first axis is that of this one pose.
         missed_by: angle (rad) by which each hidden pad is missed; NaN of pads that are seen, and
             where rays do not tell.
@@ -67,8 +65,7 @@ class Seen:
             why.
     """
 
-    views: Solution[Pieces]
-    coverage: Float[np.ndarray, " pads"]
+    sight: Sight
     sharpness: Sharpness
     missed_by: Float[np.ndarray, " pads"]
     remarks: tuple[tuple[str, str], ...]
@@ -79,14 +76,19 @@ class Seen:
         return self.sharpness.px_per_mm[0]
 
 
-def look_at(scene: Scene, angles: Float[np.ndarray, " joints"]) -> Seen:
-    """What is seen of a scene with pads at joint angles in rad."""
-    views, *parts = see_in_pose(scene, angles)
-    coverage, redundancy, missed = map(np.asarray, parts)
-    several = jax.tree.map(lambda leaf: leaf[None], views)
+def look_at(scene: Scene, angles: Float[np.ndarray, " joints"], sight: Sight) -> Seen:
+    """How sharply what is seen of a scene is seen, and why not more is.
+
+    Args:
+        scene: the scene, with pads.
+        angles: joint angles, rad.
+        sight: what is seen there, by `see_in_pose`.
+    """
+    coverage, redundancy, missed = map(np.asarray, sight[1:])
+    several = jax.tree.map(lambda leaf: leaf[None], sight.found)
     bounces = scene.layout.bounces
     sharpness = sharpness_of(scene, angles[None], several.value)
-    sight = SceneTrace(
+    trace = SceneTrace(
         scene,
         bounces,
         name_paths(scene.layout, bounces),
@@ -104,12 +106,12 @@ def look_at(scene: Scene, angles: Float[np.ndarray, " joints"]) -> Seen:
         np.zeros((0, 3)),
         None,
     )
-    lines = remarks_on(sight)
+    lines = remarks_on(trace)
     pairs = [(what, why.strip()) for what, why in pairwise(lines) if why.startswith(" ")]
     order = np.argsort(coverage[coverage < 1 - ROUNDING], kind="stable")
     hidden = (coverage == 0) & (len(scene.layout.curved) == 0)
     missed = np.where(hidden, missed, np.nan)
-    return Seen(views, coverage, sharpness, missed, tuple(pairs[index] for index in order))
+    return Seen(sight, sharpness, missed, tuple(pairs[index] for index in order))
 
 
 class SceneExplorer(Explorer):
@@ -156,7 +158,8 @@ class SceneExplorer(Explorer):
         except UserError as error:
             return ExplorerState(seen_readouts(self._scene.layout, None), self._panels, str(error))
         self._notice(values)
-        seen = look_at(scene, self._angles(values))
+        angles = self._angles(values)
+        seen = look_at(scene, angles, see_in_pose(scene, angles))
         self._panels = (self._view(scene, values, seen), *self._chart(values, seen))
         message = ""
         if seen.remarks:
@@ -191,10 +194,11 @@ class SceneExplorer(Explorer):
 
     def _view(self, scene: Scene, values: Values, seen: Seen | None) -> View:
         angles = self._angles(values)
-        drawing = draw_scene(scene, angles, title=self.design.title)
+        section = Section.of(scene, angles)
+        drawing = draw_scene(scene, section, title=self.design.title)
         notes = part_notes(scene, drawing)
         if seen is not None:
-            drawing = with_light(drawing, scene, angles, seen)
+            drawing = with_light(drawing, scene, angles, section, seen.sight)
             notes |= pad_notes(scene, seen)
         return View(SECTION, drawing, self._handles(scene, values, drawing), notes)
 
@@ -202,7 +206,7 @@ class SceneExplorer(Explorer):
         self, scene: Scene, values: Values, drawing: Drawing | None = None
     ) -> list[Handle]:
         """The camera, its axis and the ends of all mirrors."""
-        drawing = drawing or draw_scene(scene, self._angles(values))
+        drawing = drawing or draw_scene(scene, Section.of(scene, self._angles(values)))
         lines = {line.name: line.places for line in drawing.polylines}
         camera, toward = lines["optical axis"]
         handles = [
@@ -259,7 +263,7 @@ def seen_readouts(layout: Layout, seen: Seen | None) -> list[Readout]:
         if seen is not None:
             spread = [value or None for value in seen.px_per_mm[index].tolist()]
             missed = math.degrees(seen.missed_by[index])
-            covered = 100 * float(seen.coverage[index])
+            covered = 100 * float(seen.sight.coverage[index])
             numbers = [covered, *spread, None if math.isnan(missed) else missed]
         words = [f"{word} resolution" for word in ("least", "median", "greatest")]
         words = ["coverage", *words, "missed by"]
@@ -297,20 +301,24 @@ def _undone(
 
 
 def with_light(
-    drawing: Drawing, scene: Scene, angles: Float[np.ndarray, " joints"], seen: Seen
+    drawing: Drawing,
+    scene: Scene,
+    angles: Float[np.ndarray, " joints"],
+    section: Section,
+    sight: Sight,
 ) -> Drawing:
     """A scene's drawing over the light that is seen, its pads parted into seen and hidden."""
-    light, outlines = draw_views(scene, angles, seen.views)
+    light, outlines = draw_views(scene, angles, section, sight.found)
     pads = [line for line in drawing.polylines if line.layer == "pads"]
     pieces, labels = [], []
     for index, line in enumerate(pads):
-        shown = _seen_pieces(seen.views.value, index)
+        shown = _seen_pieces(sight.found.value, index)
         ends = [0.0, *(end for piece in shown for end in piece), 1.0]
         dark = [(a, b) for a, b in zip(ends[::2], ends[1::2], strict=True) if b > a]
         for layer, parts in ((SEEN, shown), (HIDDEN, dark)):
             for part in parts:
                 pieces.append(Polyline(layer, _along(line.places, part), name=line.name))
-        covered = 100 * float(seen.coverage[index])
+        covered = 100 * float(sight.coverage[index])
         layer = SEEN if covered else HIDDEN
         text = f"{line.name}, {covered:.3g} % seen" if covered else f"{line.name}, not seen"
         labels.append(Label(layer, _along(line.places, (0.5, 0.5))[0], text))
@@ -365,11 +373,11 @@ def part_notes(scene: Scene, drawing: Drawing) -> dict[str, str]:
 
 def pad_notes(scene: Scene, seen: Seen) -> dict[str, str]:
     """How much and how sharply every pad is seen, in all and by each path."""
-    layout, view = scene.layout, seen.views.value
+    layout, view = scene.layout, seen.sight.found.value
     names, notes = name_paths(layout, view.spans.shape[-2]), {}
     for index, part in enumerate(layout.pads):
         pad = f"{part.name} pad"
-        notes[pad] = f"{100 * float(seen.coverage[index]):.4g} % seen"
+        notes[pad] = f"{100 * float(seen.sight.coverage[index]):.4g} % seen"
         if seen.px_per_mm[index, 2] > 0:
             notes[pad] += f", {_resolution(seen.px_per_mm[index])}"
         for piece in np.flatnonzero(

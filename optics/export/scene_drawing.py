@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
@@ -26,7 +27,7 @@ from designopt.export.json import Quantity
 from designopt.io.files import printable
 from designopt.solution import Solution
 from designopt.vectors import vector
-from optics.plot.section import Angles, Points, Section, rays_to
+from optics.plot.section import Angles, Point, Points, Section, rays_to
 from optics.scene.camera_module import NAME
 from optics.scene.file import CameraTable, LayerTable, PadTable, SurfaceTable
 from optics.scene.reading import LEAST_TRANSMISSION
@@ -72,12 +73,13 @@ def make_scene_drawing(design: DesignedScene, *, pose: bool = True) -> Drawing:
         pose: whether a note names the pose.
     """
     scene = design.scene
-    drawing = draw_scene(scene, np.zeros(len(scene.angle_names)), title=design.name)
+    section = Section.of(scene, np.zeros(len(scene.angle_names)))
+    drawing = draw_scene(scene, section, title=design.name)
     far = not all(layer.framed for layer in drawing.layers if layer.name == CAMERA)
     return drawing._replace(notes=_notes(design, far, pose=pose))
 
 
-def draw_scene(scene: Scene, angles: Angles, *, title: str = "") -> Drawing:
+def draw_scene(scene: Scene, section: Section, *, title: str = "") -> Drawing:
     """The drawing of a scene in a pose.
 
     Mirrors, pads, blockers, the pads' layers with their bezels, hinges, the camera with its optical
@@ -87,11 +89,10 @@ def draw_scene(scene: Scene, angles: Angles, *, title: str = "") -> Drawing:
 
     Args:
         scene: the scene.
-        angles: joint angles in the order of ``scene.angle_names``, rad.
+        section: the scene in the pose.
         title: of the drawing; the scene's name by default.
     """
-    layout, section = scene.layout, Section.of(scene, angles)
-    designed = section.designed
+    layout, designed = scene.layout, section.designed
     assert designed is not None  # of a whole scene
     coats = _coats(scene, section)
     first = len(layout.mirrors)
@@ -171,13 +172,14 @@ def draw_scene(scene: Scene, angles: Angles, *, title: str = "") -> Drawing:
 
 
 def draw_views(
-    scene: Scene, angles: Angles, views: Solution[Pieces]
+    scene: Scene, angles: Angles, section: Section, views: Solution[Pieces]
 ) -> tuple[list[Layer], list[Polyline]]:
     """What is seen of a scene in a pose: the light that reaches the camera, as filled outlines.
 
     Args:
         scene: the scene.
         angles: joint angles in the order of ``scene.angle_names``, rad.
+        section: the scene in this pose.
         views: what is seen in this pose, unbatched, by `find_views` or `trace_views`.
 
     Returns:
@@ -185,7 +187,7 @@ def draw_views(
         for every piece of a pad that it shows an outline from the camera to the first mirror, one
         from each mirror to the next, and one to the pad, each named as pad and path.
     """
-    layout, section = scene.layout, Section.of(scene, angles)
+    layout = scene.layout
     names = name_paths(layout, views.value.spans.shape[-2])
     layers, polylines = dict[int, Layer](), []
     for path, pad, lines in _bounding_rays(
@@ -195,7 +197,7 @@ def draw_views(
         layers.setdefault(path, Layer(names[path], "view", framed=False, color=color))
         for leg in range(min(map(len, lines)) - 1):
             first, last = ([line[at] for line in lines] for at in (leg, leg + 1))
-            outline = dict.fromkeys(_places(np.array([*first, *reversed(last)])))
+            outline = dict.fromkeys(_places([*first, *reversed(last)]))
             name = f"{layout.pads[pad].name} pad, {names[path]}"
             polylines.append(Polyline(names[path], [*outline], closed=True, name=name))
     return [layers[path] for path in sorted(layers)], polylines
@@ -397,15 +399,17 @@ def _counted(count: int) -> str:
 
 
 def _places(
-    places: Float[np.ndarray, "places 2"],
+    places: Points | Sequence[Point],
     designed: Float[Array | np.ndarray, "places 2"] | None = None,
 ) -> list[Place]:
     """Places in the pose; those that are where they are in the file have its numbers."""
-    found = np.round(places, DECIMALS) + 0.0
-    if designed is not None:
-        there = np.asarray(designed, float)
-        found = np.where(np.abs(places - there) < 10.0**-DECIMALS, there, found)
-    return [(x, y) for x, y in found.tolist()]
+    there = [] if designed is None else np.asarray(designed, float).tolist()
+    pairs = itertools.zip_longest(np.asarray(places).tolist(), there, fillvalue=(math.nan,) * 2)
+    return [(_rounded(x, own_x), _rounded(y, own_y)) for (x, y), (own_x, own_y) in pairs]
+
+
+def _rounded(value: float, designed: float) -> float:
+    return designed if abs(value - designed) < 10.0**-DECIMALS else round(value, DECIMALS) + 0.0
 
 
 def _middle(places: Sequence[Place]) -> Place:

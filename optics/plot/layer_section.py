@@ -53,7 +53,9 @@ class LayerSection:
         """Closed outlines of layers and bezel."""
         return [np.vstack([part, part[:1]]) for part in (*self.layers, *self.bezel)]
 
-    def through(self, before: Points, layer: int, end: int | None) -> Points:
+    def through(
+        self, before: Sequence[Sequence[float]], layer: int, end: int | None
+    ) -> list[tuple[float, float]]:
         """Where a ray goes behind the surface that it meets, by Snell's law, down to the membrane.
 
         Args:
@@ -65,7 +67,7 @@ class LayerSection:
         Returns:
             Where it meets every surface behind, as far as it comes.
         """
-        start, place = (complex(*point) for point in before.tolist())
+        start, place = (complex(*point) for point in before)
         ray = (place - start) / abs(place - start)
         outline = self.layers[layer]
         surface = outline[[3, 2]] if end is None else self.ends[layer][end].line
@@ -79,7 +81,7 @@ class LayerSection:
                 break
             place += ray * _cross(last - first, first - place) / across
             met.append((place.real, place.imag))
-        return np.array(met).reshape(-1, 2)
+        return met
 
 
 def _ends(surface: Points) -> tuple[complex, complex]:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from designopt.programs import Program
 from designopt.vectors import Vector
@@ -124,28 +126,25 @@ def rays_to(
     bounces = view.spans.shape[-2]
     surfaces, places = _traced(scene, angles, view.pixels, spread, bounces=bounces)
     paths, rays = np.asarray(view.path), []
+    # Lists: a few numbers each, for which arrays take longer.
     for pad, piece in np.argwhere(np.asarray(view.present)).tolist():
-        met = surfaces[pad, piece] != NOTHING
-        corners = [
-            line[np.append(True, there)]
-            for line, there in zip(places[pad, piece], met, strict=True)
-        ]
-        stack = section.stacks[pad]
-        if stack is not None:
-            entered = [_entered(scene.layout, pad, met) for met in surfaces[pad, piece]]
-            corners = [
-                line if enters is None else np.vstack([line, stack.through(line[-2:], *enters)])
-                for line, enters in zip(corners, entered, strict=True)
-            ]
-        rays.append((int(paths[pad, piece]), pad, corners))
+        lines, stack = [], section.stacks[pad]
+        for met, (camera, *corners) in zip(
+            surfaces[pad, piece].tolist(), places[pad, piece].tolist(), strict=True
+        ):
+            known = [surface != NOTHING for surface in met]
+            line = [camera, *itertools.compress(corners, known)]
+            entered = stack and _entered(scene.layout, pad, [*itertools.compress(met, known)])
+            if stack and entered:
+                line += stack.through(line[-2:], *entered)
+            lines.append(np.array(line))
+        rays.append((int(paths[pad, piece]), pad, lines))
     return rays
 
 
-def _entered(
-    layout: Layout, pad: int, surfaces: Int[np.ndarray, " legs"]
-) -> tuple[int, int | None] | None:
+def _entered(layout: Layout, pad: int, surfaces: Sequence[int]) -> tuple[int, int | None] | None:
     """The layer that a ray enters, and at which end if not from above; none where it stops."""
-    last = int(surfaces[surfaces != NOTHING][-1]) if np.any(surfaces != NOTHING) else NOTHING
+    last = surfaces[-1] if surfaces else NOTHING
     if last == len(layout.mirrors) + pad:
         return 0, None
     body = last - len(layout.surfaces) + len(layout.bodies)

@@ -94,15 +94,15 @@ def find_sharpness(
     shown = np.repeat(shown, PARTS + 1, axis=-1)
     per_mm, *distances = _looked_up(scene, angles, pieces, places, bounces)
     weights = weights.reshape(*weights.shape[:2], -1)
-    best = np.max(per_mm, axis=2, where=shown, initial=0)
-    over_all = _spread(best, np.where(np.any(shown, axis=2), weights, 0))
-    by_path = np.zeros((*view.path.shape, 3))
     # There is room for many more pieces than most scenes ever have.
-    for piece in np.flatnonzero(view.present.any(axis=(0, 1))):
-        mine = shown & (view.path == view.path[..., piece, None])[..., None]
-        best = np.max(per_mm, axis=2, where=mine, initial=0)
-        by_path[..., piece, :] = _spread(best, np.where(np.any(mine, axis=2), weights, 0))
-    there = view.present[..., None]
+    there, used = view.present[..., None], np.flatnonzero(view.present.any(axis=(0, 1)))
+    by_paths = [shown & (view.path == view.path[..., piece, None])[..., None] for piece in used]
+    masks = [shown, *by_paths]
+    best = np.stack([np.max(per_mm, axis=2, where=one, initial=0) for one in masks], axis=2)
+    lengths = np.stack([np.where(np.any(one, axis=2), weights, 0) for one in masks], axis=2)
+    spread = _spread(best, lengths)
+    by_path = np.zeros((*view.path.shape, 3))
+    by_path[..., used, :] = spread[..., 1:, :]
 
     def extremes(distance: Float[np.ndarray, "poses pads pieces places"]) -> np.ndarray:
         nearest = np.min(distance, axis=-1, where=shown, initial=np.inf)
@@ -110,7 +110,7 @@ def find_sharpness(
         return np.where(there, np.stack([nearest, farthest], axis=-1), 0)
 
     found = jax.tree.map(extremes, distances)
-    return Sharpness(over_all, np.where(there, by_path, 0), *found)
+    return Sharpness(spread[..., 0, :], np.where(there, by_path, 0), *found)
 
 
 def _looked_up(

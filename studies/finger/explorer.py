@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import jax
@@ -27,8 +28,10 @@ from kinematics.export.drawing import draw_linkage, sketched_scene
 from kinematics.model.linkage import Linkage
 from kinematics.plot.scene import Scene as LinkageScene
 from kinematics.solve.poses import solve_poses
-from optics.explore.scene import Seen, look_at, pad_notes, part_notes, seen_readouts, with_light
+from optics.explore.scene import look_at, pad_notes, part_notes, seen_readouts, with_light
 from optics.export.scene_drawing import CAMERA, draw_scene
+from optics.parametric.scene_measures import Sight, see_in_pose
+from optics.plot.section import Section
 from optics.scene.scene import Scene
 from optics.visibility.coverage import find_coverage
 from studies.models.finger import Finger
@@ -87,6 +90,24 @@ class Swept(NamedTuple):
     dip: Float[Array, " poses"]
 
 
+class Posed(NamedTuple):
+    """A finger in the pose that is shown.
+
+    Attributes:
+        rows: flexion of both joints, rad: here, and then over the range of the joint moved last.
+        swept: its linkage; ``None`` without one.
+        scene: its scene; ``None`` without a camera.
+        sight: what the camera sees.
+        views: the drawings.
+    """
+
+    rows: np.ndarray
+    swept: Swept | None
+    scene: Scene | None
+    sight: Sight | None
+    views: list[View]
+
+
 class FingerExplorer(Explorer):
     """Linkage, camera and mirrors of one finger, turned by its joints; flexion is positive.
 
@@ -112,6 +133,7 @@ class FingerExplorer(Explorer):
         }
         self._last, self._column = tuple(0.0 for _ in ends), 0
         self._scene: tuple[bytes, Any] = b"", None
+        self._posed: tuple[Values, Posed] | None = None
         self._curve_of: list[bytes] = []
         self._curve = np.full((PLACES, len(PHALANGES)), np.nan)
         self._scene_of = Program(lambda numbers: design.traced(numbers).scene())
@@ -126,13 +148,22 @@ class FingerExplorer(Explorer):
             views.append(self._linkage_view(sketched_scene(swept.linkage)))
         if finger.camera is not None:
             scene = self._scene_at(numbers)
-            drawing = draw_scene(scene, np.zeros(2), title=self.design.title)
+            drawing = draw_scene(scene, Section.of(scene, np.zeros(2)), title=self.design.title)
             handles = self._optical_handles(drawing)
             views.append(View(SEEN, drawing, handles, part_notes(scene, drawing)))
         return views
 
-    def show(self, values: Values) -> ExplorerState:
-        """See `Explorer`; the joint that was moved last is the abscissa of the charts."""
+    def views(self, values: Values) -> Sequence[View]:
+        """See `Explorer`."""
+        return self._pose(values).views
+
+    def _pose(self, values: Values) -> Posed:
+        """The pose at these values; it is kept, for `show` follows upon `views`."""
+        if self._posed is None or self._posed[0] != values:
+            self._posed = dict(values), self._pose_anew(values)
+        return self._posed[1]
+
+    def _pose_anew(self, values: Values) -> Posed:
         degrees = tuple(values[joint.name] for joint in self.joints)
         moved = [i for i, now in enumerate(degrees) if now != self._last[i]]
         self._column, self._last = (moved[0] if moved else self._column), degrees
@@ -143,12 +174,25 @@ class FingerExplorer(Explorer):
         if self._coupled:
             assert swept is not None  # as it has pins
             rows = np.stack([rows[:, 0], np.where(swept.ok, swept.dip, 0.0)], axis=1)
-        sight = self._looked(numbers, rows)
-        pip, dip = np.degrees(rows[0]).tolist()
-        readouts = [Readout("pip", pip, "°"), Readout("dip", dip, "°")]
-        views, charts, messages = [], [], []
+        views, scene, sight = [], None, None
         if swept is not None:
             views.append(self._linkage_view(_now(swept)))
+        if self._designed.camera is not None:
+            scene = self._scene_at(numbers)
+            section, sight = Section.of(scene, rows[0]), see_in_pose(scene, rows[0])
+            drawing = draw_scene(scene, section, title=self.design.title)
+            handles, notes = self._optical_handles(drawing), part_notes(scene, drawing)
+            drawing = with_light(drawing, scene, rows[0], section, sight)
+            views.append(View(SEEN, drawing, handles, notes))
+        return Posed(rows, swept, scene, sight, views)
+
+    def show(self, values: Values) -> ExplorerState:
+        """See `Explorer`; the joint that was moved last is the abscissa of the charts."""
+        rows, swept, scene, sight, views = self._pose(values)
+        pip, dip = np.degrees(rows[0]).tolist()
+        readouts = [Readout("pip", pip, "°"), Readout("dip", dip, "°")]
+        views, charts, messages = [*views], [], []
+        if swept is not None:
             readouts += _linkage_readouts(swept)
             curves = {
                 name: np.where(swept.ok, np.degrees(each), np.nan)[1:]
@@ -160,14 +204,12 @@ class FingerExplorer(Explorer):
                     f"the linkage cannot be assembled at PIP {pip:.3g}°, DIP {dip:.3g}°: bend it "
                     "less, or take back what was changed last"
                 )
-        if sight is not None:
-            scene, seen = sight
-            drawing = draw_scene(scene, rows[0], title=self.design.title)
-            handles, notes = self._optical_handles(drawing), part_notes(scene, drawing)
-            notes |= pad_notes(scene, seen)
-            views.append(View(SEEN, with_light(drawing, scene, rows[0], seen), handles, notes))
+        if scene is not None and sight is not None:
+            seen, view = look_at(scene, rows[0], sight), views[-1]
+            views[-1] = replace(view, notes={**view.notes, **pad_notes(scene, seen)})
             readouts += seen_readouts(scene.layout, seen)
-            curves = {str(pad): 100 * self._curve[:, i] for i, pad in enumerate(PHALANGES)}
+            curve = self._coverage_over(scene, rows[1:])
+            curves = {str(pad): 100 * curve[:, i] for i, pad in enumerate(PHALANGES)}
             charts.append(self._chart(COVERAGE, "coverage (%)", curves, 100.0))
             messages += [part for pair in seen.remarks[:1] for part in pair]
         return ExplorerState(readouts, [*views, *charts], "; ".join(messages))
@@ -207,18 +249,15 @@ class FingerExplorer(Explorer):
             self._scene = key, jax.device_put(self._scene_of(numbers))
         return self._scene[1]
 
-    def _looked(self, numbers: Numbers, rows: np.ndarray) -> tuple[Scene, Seen] | None:
-        """The scene, and what is seen in the first posture; the curve of coverage is kept."""
-        if self._designed.camera is None:
-            return None
-        scene = self._scene_at(numbers)
-        rest = [np.asarray(one).tobytes() for one in (rows[1:], *jax.tree.leaves(scene))]
+    def _coverage_over(self, scene: Scene, rows: np.ndarray) -> Float[np.ndarray, "poses pads"]:
+        """Coverage in postures; that of the same ones is kept, for when a joint is turned."""
+        rest = [np.asarray(one).tobytes() for one in (rows, *jax.tree.leaves(scene))]
         if rest != self._curve_of:
-            curve = self._cover.when_compiled(scene, rows[1:])
+            curve = self._cover.when_compiled(scene, rows)
             self._curve = np.full((PLACES, len(PHALANGES)), np.nan)
             if curve is not None:
                 self._curve, self._curve_of = curve, rest
-        return scene, look_at(scene, rows[0])
+        return self._curve
 
     @property
     def _joint(self) -> Parameter:

@@ -187,6 +187,15 @@ def test_the_four_bar_in_words_and_numbers():
     assert readouts(one.show(start(one, **LOCKS)))["least μ in the working range"] is None
 
 
+def test_the_drawing_alone_is_that_of_the_whole():
+    alone, whole = explorer_of("four-bar"), explorer_of.__wrapped__("four-bar")
+    for changed in ({"crank": 70.0}, {"crank": 71.0}, LOCKS, NO_POSE):
+        values = start(alone, **changed)
+        shown = whole.show(values)
+        assert list(alone.views(values)) == [panels(shown)[0]]
+        assert alone.show(values).readouts == shown.readouts
+
+
 def test_limits_of_a_watt():
     """Its curves end where `find_limits` finds that it locks, and there it is drawn faintly."""
     one = explorer_of("watt")
@@ -230,6 +239,7 @@ def test_charts_are_the_margin_and_the_angles_of_the_linkage():
 
 def test_the_input_that_moved_last_is_the_abscissa():
     one = explorer_of("five-bar")
+    one.show(start(one, left=one.values()["left"] + 1.0))
     labels = []
     for changed in ({}, {"right": 60.0}, {"right": 60.0, "bodies.ground.O2-O5": 13.0}, {}):
         labels.append(panels(one.show(start(one, **changed)))[1].x_label)

@@ -113,6 +113,10 @@ def test_both_are_shown_in_one_pose(finger):
     at = jnp.array([math.radians(curve.x[7]), flexion[1]])
     assert curve.y[7] == pytest.approx(100 * float(find_coverage(scene, at).value[2]), abs=1e-6)
     assert charts["transmission angles"].at == 50.0
+    explorer.views(values | {"pip": 10.0})
+    for view in explorer.views(values):  # the same, but for what is computed after it
+        assert view == replace(views[view.name], notes=view.notes)
+        assert view.notes.keys() <= views[view.name].notes.keys()
     assert shown.message == "" or "pad" in shown.message
 
 

@@ -38,7 +38,7 @@ export class Chart {
   }
 
   build() {
-    const { clientWidth: width, clientHeight: height } = this.stage;
+    const { width, height } = this.size;
     if (!width) return;
     this.isStale = false;
     const legend = this.legend(width);

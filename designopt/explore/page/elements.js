@@ -23,6 +23,19 @@ export const button = (text, label, action) => {
   return made;
 };
 
+// Let a group have an element for each item, made once and then only changed: text that is made anew
+// is laid out anew.
+export function keep(group, items, make, change) {
+  while (group.childElementCount > items.length) group.lastChild.remove();
+  while (group.childElementCount < items.length) group.append(make());
+  items.forEach((item, number) => change(group.children[number], item));
+}
+
+// Set an attribute; one that is what it was is not laid out and painted again.
+export function put(element, name, value) {
+  if (element.getAttribute(name) !== String(value)) element.setAttribute(name, value);
+}
+
 // A list below a picture that unfolds; it is filled while it is open, once the picture rests.
 export function folded(title, fill) {
   const list = html('dl');

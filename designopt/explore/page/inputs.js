@@ -1,6 +1,6 @@
 // A row for every joint and dimension: number, slider, lock, bounds.
 
-import { find, html, numberText, withUnit } from './elements.js';
+import { find, html, numberText, put, withUnit } from './elements.js';
 
 const PAUSE = 800; // ms between keys after which another gesture begins
 
@@ -115,18 +115,19 @@ export class Inputs {
     const { model, seqs } = this.link;
     const value = model.values[one.name];
     const locked = model.locked.includes(one.name);
-    const put = (field, text) => { if (!field.typed && field.value !== text) field.value = text; };
+    const write = (field, text) => { if (!field.typed && field.value !== text) field.value = text; };
     const [least, most] = model.bounds[one.name];
-    put(low, numberText(least));
-    put(high, numberText(most));
-    [slider.min, slider.max] = [least, most];
+    write(low, numberText(least));
+    write(high, numberText(most));
+    put(slider, 'min', least);
+    put(slider, 'max', most);
     lock.checked = locked;
     slider.disabled = number.disabled = locked;
     row.shown = null;
     if (row.sent > seqs.seq) return;
     row.shown = this.state(row);
-    put(number, numberText(value));
-    if (!row.held) put(slider, String(value));
-    slider.setAttribute('aria-valuetext', withUnit(numberText(value), one.unit));
+    write(number, numberText(value));
+    if (!row.held) write(slider, String(value));
+    put(slider, 'aria-valuetext', withUnit(numberText(value), one.unit));
   }
 }

@@ -37,7 +37,12 @@ export class Panels {
       button('PNG', `Download ${name} as PNG`, () => savePng(panel, file())));
     panel.root = html('section', { class: `panel ${kind}`, 'aria-label': name },
       html('div', { class: 'head' }, html('h2', {}, name), buttons), panel.stage, ...panel.below);
-    new ResizeObserver(() => { panel.isStale = true; panel.show(); }).observe(panel.stage);
+    panel.size = { width: 0, height: 0 }; // to ask for it lays the page out at once
+    new ResizeObserver(([{ contentRect }]) => {
+      panel.size = contentRect;
+      panel.isStale = true;
+      panel.show();
+    }).observe(panel.stage);
     return panel;
   }
 

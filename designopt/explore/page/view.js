@@ -1,6 +1,6 @@
 // A drawing to scale: shapes as SVG, or on a canvas where there are many; pan, zoom, hover, drag.
 
-import { button, find, folded, html, numberText, svg, tell } from './elements.js';
+import { button, find, folded, html, keep, numberText, put, svg, tell } from './elements.js';
 
 const MOST_ELEMENTS = 2000; // shapes; more are drawn on a canvas
 const PAPER = 5.5; // pixels of the screen for a millimetre of line width on paper
@@ -22,8 +22,9 @@ export class View {
     this.name = name;
     this.link = link;
     this.world = svg('g');
-    this.overlay = svg('g');
-    this.svg = svg('svg', { role: 'img', 'aria-label': `Drawing of ${name}` }, this.world, this.overlay);
+    this.texts = svg('g');
+    this.grips = svg('g');
+    this.svg = svg('svg', { role: 'img', 'aria-label': `Drawing of ${name}` }, this.world, this.texts, this.grips);
     this.stage = html('div', {
       class: 'stage', tabindex: 0, role: 'group',
       'aria-label': `${name}: plus and minus zoom, arrows move, 0 fits`,
@@ -55,7 +56,8 @@ export class View {
     }
     if (change.shapes) this.shapes = change.shapes.map((shape) => this.parsed(shape));
     if (change.shapes || change.layers) this.isNew = true;
-    this.isStale = true;
+    if (Object.keys(change).some((key) => key !== 'name' && key !== 'notes')) this.isStale = true;
+    this.parts.rest();
   }
 
   parsed([layer, name, ...rest]) {
@@ -63,14 +65,13 @@ export class View {
   }
 
   show() {
-    if (!this.isStale || !this.stage.clientWidth) return;
+    if (!this.isStale || !this.size.width) return;
     this.isStale = false;
     if (this.isNew) this.build();
     else if (!this.canvas) for (const index of this.dirty) this.place(index);
     this.dirty.clear();
     if (this.fitted && !this.grabbed) this.follow();
     this.draw();
-    this.parts.rest();
   }
 
   // Make a group for every layer and an element for every shape.
@@ -112,7 +113,7 @@ export class View {
   follow() {
     if (!this.box) return;
     const [left, top, right, bottom] = this.box;
-    const { clientWidth: width, clientHeight: height } = this.stage;
+    const { width, height } = this.size;
     if (this.seen && this.fittedTo === width * 1e5 + height) {
       const [[x, y], [xEnd, yEnd]] = [this.onScreen(left, top), this.onScreen(right, bottom)];
       if (x >= 0 && y >= 0 && xEnd <= width && yEnd <= height) return;
@@ -134,7 +135,7 @@ export class View {
     this.refresh();
   }
 
-  zoom(factor, x = this.stage.clientWidth / 2, y = this.stage.clientHeight / 2) {
+  zoom(factor, x = this.size.width / 2, y = this.size.height / 2) {
     if (this.scale === undefined) return;
     this.fitted = false;
     const scale = within(SMALLEST, this.scale * factor, LARGEST);
@@ -168,13 +169,16 @@ export class View {
     });
     this.styled = scale;
     if (this.canvas) this.paint();
-    this.overlay.replaceChildren(...this.labelTexts(), ...this.handles.flatMap((one) => this.handle(one)));
+    keep(this.texts, this.placedLabels(), () => svg('text', { class: 'label' }), (element, [text, across, down]) => {
+      if (element.textContent !== text) element.textContent = text;
+      put(element, 'transform', `translate(${across} ${down})`);
+    });
+    keep(this.grips, this.handles, makeHandle, (element, handle) => this.placeHandle(element, handle));
   }
 
   // The same on a canvas.
   paint() {
-    const { clientWidth: width, clientHeight: height } = this.stage;
-    const { scale, canvas } = this;
+    const { scale, canvas, size: { width, height } } = this;
     [canvas.width, canvas.height] = [width * devicePixelRatio, height * devicePixelRatio];
     const context = canvas.getContext('2d');
     context.setTransform(
@@ -211,7 +215,7 @@ export class View {
 
   // Labels beside their places, each where it lies on no earlier one and on no pin. Where there is
   // no room for one it is left out until the picture is enlarged; hovering names every part.
-  labelTexts() {
+  placedLabels() {
     const taken = this.labels.map(([, , x, y]) => {
       const [across, down] = this.onScreen(x, y);
       return [across - 5, down - 5, across + 5, down + 5];
@@ -223,13 +227,13 @@ export class View {
         const left = across + right - (right < 0 ? width : right ? 0 : width / 2);
         return [left, down + low - 11, left + width, down + low + 2];
       });
-      const faults = boxes.map((box) => (box[0] < 0 || box[2] > this.stage.clientWidth ? 3 : 0) + taken.filter(
+      const faults = boxes.map((box) => (box[0] < 0 || box[2] > this.size.width ? 3 : 0) + taken.filter(
         (one) => box[0] < one[2] && one[0] < box[2] && box[1] < one[3] && one[1] < box[3]).length);
       const fewest = Math.min(...faults);
       if (fewest >= NO_ROOM) return [];
       const box = boxes[faults.indexOf(fewest)];
       taken.push(box);
-      return [svg('text', { class: 'label', x: box[0], y: box[3] - 2 }, text)];
+      return [[text, box[0], box[3] - 2]];
     });
   }
 
@@ -237,12 +241,13 @@ export class View {
     return parameters.filter((name) => this.link.model.locked.includes(name));
   }
 
-  handle([name, x, y, parameters]) {
-    const [cx, cy] = this.onScreen(x, y);
-    const lock = this.lockedOf(parameters).length ? ' locked' : '';
-    const grip = svg('circle', { class: `grip${lock}`, cx, cy, r: 14, 'data-unseen': '' });
+  placeHandle(element, [name, x, y, parameters]) {
+    const [dot, grip] = element.children;
     grip.handle = { name, parameters };
-    return [svg('circle', { class: `handle${lock}`, cx, cy, r: 6 }), grip];
+    const lock = this.lockedOf(parameters).length ? ' locked' : '';
+    put(dot, 'class', `handle${lock}`);
+    put(grip, 'class', `grip${lock}`);
+    put(element, 'transform', `translate(${this.onScreen(x, y).join(' ')})`);
   }
 
   showLocks() {
@@ -359,6 +364,11 @@ export class View {
       return [[...(layer ? [sample, ' '] : []), name], note || '–'];
     });
   }
+}
+
+// A dot, and around it what is easily hit.
+function makeHandle() {
+  return svg('g', {}, svg('circle', { r: 6 }), svg('circle', { r: 14, 'data-unseen': '' }));
 }
 
 function pathOf(shape) {

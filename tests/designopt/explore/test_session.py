@@ -83,17 +83,17 @@ def test_values_stay_within_bounds_and_locks_hold(run):
     async def guest(session, say, until):
         say("{'type':'bounds','name':'radius','low':20,'high':40}")
         say(set_("radius", 99))
-        assert session.model["values"]["radius"] == 40.0
         assert session.model["note"] == "radius stays within 20 and 40 mm"
+        await until(lambda model: model["values"]["radius"] == 40.0)
         say("{'type':'bounds','name':'radius','low':50,'high':1e9}")
-        assert session.model["bounds"]["radius"] == [40.0, 80.0]
+        await until(lambda model: model["bounds"]["radius"] == [40.0, 80.0])
         assert "hold its value, 40" in session.model["note"]
         say("{'type':'lock','name':'radius','locked':true}")
         say(set_("radius", 50))
         say("{'type':'preset','name':'as designed'}")
-        assert session.model["values"]["radius"] == 40.0
         say("{'type':'preset','name':'upright'}")
-        assert session.model["values"]["crank"] == 90.0
+        await until(lambda model: model["values"]["crank"] == 90.0)
+        assert session.model["values"]["radius"] == 40.0
         say("{'type':'drag','handle':'tip','x':10,'y':10,'seq':1,'gesture':1}")
         assert session.model["note"] == "tip stays where it is: radius is locked"
 
@@ -231,6 +231,87 @@ def test_the_newest_values_are_shown_and_those_between_left_out(run):
     run(guest, explorer)
 
 
+class Slow(SliderCrank):
+    """Its numbers wait for their turn; its views do not."""
+
+    def __init__(self):
+        super().__init__()
+        self.turns_taken = threading.Semaphore(1000)
+
+    def views(self, values):
+        return [self.view(values)]
+
+    def show(self, values):
+        self.turns_taken.acquire()
+        return super().show(values)
+
+
+def drawn(crank):
+    """A test of whether the drawing of a crank's angle is shown, whatever the numbers are."""
+    wanted = encode_panels([SliderCrank().view({**SliderCrank().values(), "crank": crank})])
+    return lambda model: model["panels"][:1] == wanted
+
+
+def test_a_drawing_is_shown_before_its_numbers(run):
+    explorer = Slow()
+
+    async def guest(session, say, until):
+        before = session.model["readouts"], session.model["panels"][1]
+        explorer.turns_taken = threading.Semaphore(0)
+        say(set_("crank", 99.0))
+        await until(drawn(99.0))
+        assert (session.model["readouts"], session.model["panels"][1]) == before
+        explorer.turns_taken.release()
+        await until(lambda model: model["panels"][1]["at"] == 99.0)
+        assert session.model["readouts"] != before[0]
+
+    run(guest, explorer)
+
+
+def test_numbers_that_come_late_leave_the_newer_drawing(run):
+    explorer = Slow()
+
+    async def guest(session, say, until):
+        explorer.turns_taken = threading.Semaphore(0)
+        say(set_("crank", 99.0))
+        await until(drawn(99.0))
+        say(set_("crank", 120.0, 1))
+        explorer.turns_taken.release()
+        await until(lambda model: drawn(120.0)(model) and model["panels"][1]["at"] == 99.0)
+        explorer.turns_taken.release()
+        await until(lambda model: model["panels"][1]["at"] == 120.0)
+        assert drawn(120.0)(session.model)
+
+    run(guest, explorer)
+
+
+def test_values_are_sent_with_their_picture_or_before_it_where_that_takes_long(run):
+    explorer, sent = SliderCrank(), []
+
+    async def guest(session, say, until):
+        session._send = lambda fields, shown: sent.append((fields, shown, dict(session.seqs)))
+        say(set_("crank", 99.0, seq=7))
+        await until(lambda model: model["values"]["crank"] == 99.0)
+        [(fields, shown, _)] = [one for one in sent if "values" in one[0]]
+        assert fields["panels"]
+        assert shown == {"tab": 7}
+        entered, go_on = threading.Event(), threading.Event()
+        session._picture.submit(None, lambda: (entered.set(), go_on.wait()), lambda _: None)
+        entered.wait()
+        sent.clear()
+        say(set_("crank", 120.0, seq=8))
+        await until(lambda model: model["values"]["crank"] == 120.0)
+        assert not any("panels" in fields for fields, _, _ in sent)
+        say(set_("radius", 99.0, seq=9))
+        go_on.set()
+        await until(lambda model: model["values"]["radius"] == 80.0)
+        # A tab that reads of its change as taken is sent its values at the same time.
+        for fields, _, seqs in sent:
+            assert "values" not in fields or seqs != {"tab": 9} or fields["values"]["radius"] == 80
+
+    run(guest, explorer)
+
+
 def test_files_are_numbered_and_marked_where_the_design_fails(run, tmp_path):
     async def guest(session, say, until):
         (tmp_path / "raw-1.bin").touch()
@@ -354,8 +435,9 @@ def test_presets_are_stored_for_the_session(run, monkeypatch):
     async def guest(session, say, until):
         say("{'type':'store','name':' mine '}")
         say(set_("rod", 90))
+        await until(lambda model: model["values"]["rod"] == 90.0)
         say("{'type':'preset','name':'mine'}")
-        assert session.model["values"]["rod"] == 70.0
+        await until(lambda model: model["values"]["rod"] == 70.0)
         say("{'type':'store','name':'upright'}")
         assert "choose another name" in session.model["note"]
         say("{'type':'store','name':'other'}")
