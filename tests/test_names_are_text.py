@@ -15,6 +15,7 @@ from designopt.cli import run
 from designopt.explore.wire import encode_panels
 from kinematics import design as linkages
 from optics import design as scenes
+from tests.designopt.explore.whole import show
 from tests.helpers import DATA
 
 
@@ -77,5 +78,5 @@ def test_export(file, kinds, name, tmp_path):
 def test_explore(kind, file, name, tmp_path):
     with jax.enable_x64(True):
         explorer = kind.explorer(kind.read(tmp_path / file))
-        panels = encode_panels(explorer.show(explorer.values()).panels)
+        panels = encode_panels(show(explorer, explorer.values()).panels)
     assert any(name in json.dumps(panel["labels"]) for panel in panels if panel["kind"] == "view")

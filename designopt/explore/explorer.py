@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import abc
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -94,18 +94,32 @@ class Chart:
 
 
 @dataclass(frozen=True)
-class ExplorerState:
-    """What is shown of one set of values.
+class Numbers:
+    """What is shown beside the views of one set of values.
 
     Attributes:
-        readouts: the numbers, the same names in the same order every time.
-        panels: views and charts, the same names in the same order every time.
+        readouts: the same names in the same order every time.
+        charts: the same names in the same order every time.
         message: what is the matter, in one sentence with its cure; empty where all is well.
+        notes: further ones of a view, by its name.
     """
 
     readouts: Sequence[Readout]
-    panels: Sequence[View | Chart]
+    charts: Sequence[Chart] = ()
     message: str = ""
+    notes: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+
+
+class ExplorerState(NamedTuple):
+    """What is shown of one set of values.
+
+    Attributes:
+        views: the same names in the same order every time.
+        numbers: computes the rest, once the views are shown.
+    """
+
+    views: Sequence[View]
+    numbers: Callable[[], Numbers]
 
 
 class Explorer(abc.ABC):
@@ -128,14 +142,6 @@ class Explorer(abc.ABC):
     @abc.abstractmethod
     def sketch(self) -> Sequence[View]:
         """The views of the design as it is in its file, in its first pose: nothing is compiled."""
-
-    def views(self, values: Values) -> Sequence[View] | None:
-        """The views that `show` of these values, which follows, would return, but for their notes.
-
-        For designs whose numbers take longer than their picture; by default ``None``, and `show`
-        alone is asked.
-        """
-        return None
 
     @abc.abstractmethod
     def show(self, values: Values) -> ExplorerState:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from designopt.errors import UserError, reason_of
-from designopt.explore.explorer import Explorer, ExplorerState, number_text
+from designopt.explore.explorer import Explorer, Numbers, number_text
 from designopt.explore.messages import (
     Drag,
     Limit,
@@ -76,13 +76,13 @@ class Shown(NamedTuple):
 
     Attributes:
         values: what it is of.
-        panels: its panels, the views alone if their numbers are still to come.
-        state: with the numbers.
+        views: encoded.
+        numbers: computes what is shown beside them.
     """
 
     values: Values
-    panels: list[Wire]
-    state: ExplorerState | None = None
+    views: list[Wire]
+    numbers: Callable[[], Numbers]
 
 
 class History:
@@ -295,7 +295,7 @@ class Session:
                 dragged = self._explorer.drag(before.values, message.handle, place)
             own = {name: dragged[name] for name in handles[message.handle] if name in dragged}
             changed = self._allowed(own)
-            return changed, self._first_shown({**before.values, **changed})
+            return changed, self._shown({**before.values, **changed})
 
         def done(future: Future, changes: int = self._changes) -> None:
             found = self._result(future)
@@ -385,38 +385,41 @@ class Session:
             else:
                 self._publish_shown(shown, seqs)
 
-        self._picture.submit("show", lambda: self._first_shown(values), done)
-
-    def _first_shown(self, values: Values) -> Shown:
-        """The views, if they can be had before all else."""
-        with self._prompt.answering():
-            views = self._explorer.views(values)
-            return self._shown(values) if views is None else Shown(values, encode_panels(views))
+        self._picture.submit("show", lambda: self._shown(values), done)
 
     def _shown(self, values: Values) -> Shown:
         with self._prompt.answering():
-            state = self._explorer.show(values)
-        return Shown(values, encode_panels(state.panels), state)
+            views, numbers = self._explorer.show(values)
+        return Shown(values, encode_panels(views), numbers)
 
     def _publish_shown(self, shown: Shown, seqs: Mapping[Hashable, int]) -> None:
-        charts = [one for one in self.model["panels"] if one["kind"] == "chart"]
-        if shown.state is not None:
-            self._publish(seqs, panels=shown.panels, **_numbers(shown.state))
-            self._follow_up()
-            return
         self._pictured = shown.values
-        self._publish(seqs, panels=[*shown.panels, *charts])
+        self._publish(seqs, panels=[*shown.views, *self._panels("chart")])
+
+        def compute() -> tuple[Numbers, list[Wire]]:
+            with self._prompt.answering():
+                numbers = shown.numbers()
+            return numbers, encode_panels(numbers.charts)
 
         def done(future: Future) -> None:
-            if (whole := self._result(future)) is not None:
-                panels = whole.panels
-                if whole.values != self._pictured:  # another picture has come before its numbers
-                    views = [one for one in self.model["panels"] if one["kind"] == "view"]
-                    panels = [*views, *(one for one in panels if one["kind"] == "chart")]
-                self._publish(panels=panels, **_numbers(whole.state))
+            if (found := self._result(future)) is not None:
+                numbers, charts = found
+                # Another picture may have come before these numbers.
+                notes = numbers.notes if shown.values == self._pictured else {}
+                views = [
+                    {**one, "notes": {**one["notes"], **notes.get(one["name"], {})}}
+                    for one in self._panels("view")
+                ]
+                readouts = [
+                    [one.name, number_text(one.value), one.unit] for one in numbers.readouts
+                ]
+                self._publish(panels=[*views, *charts], readouts=readouts, message=numbers.message)
             self._follow_up()
 
-        self._picture.submit("numbers", lambda: self._shown(shown.values), done, first=True)
+        self._picture.submit("numbers", compute, done, first=True)
+
+    def _panels(self, kind: str) -> list[Wire]:
+        return [one for one in self.model["panels"] if one["kind"] == kind]
 
     def _follow_up(self) -> None:
         """Begin in the second thread what can wait until something is shown."""
@@ -625,11 +628,6 @@ class Session:
         self._search = None
         self._publish(optimising="", step=reason)
         self._judge_soon()
-
-
-def _numbers(state: ExplorerState) -> Wire:
-    readouts = [[one.name, number_text(one.value), one.unit] for one in state.readouts]
-    return {"readouts": readouts, "message": state.message}
 
 
 def _parameter(one: Parameter, *, joint: bool) -> Wire:

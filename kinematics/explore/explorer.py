@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from designopt.explore.explorer import (
     Chart,
     Explorer,
     ExplorerState,
+    Numbers,
     Readout,
     Series,
     View,
@@ -39,23 +39,6 @@ RANGE_DEG = (0.0, 90.0)
 """Of transmission angles."""
 
 
-class Look(NamedTuple):
-    """What there is at one set of values.
-
-    Attributes:
-        inputs: rad or mm.
-        sweep: the pose, and the range of the input that moved last; ``None`` where distances make
-            no triangles.
-        view: the drawing.
-        broken: why there is no sweep.
-    """
-
-    inputs: np.ndarray
-    sweep: Sweep | None
-    view: View
-    broken: str
-
-
 class LinkageExplorer(Explorer):
     """Inputs and distances of a linkage, as a person turns them."""
 
@@ -74,7 +57,6 @@ class LinkageExplorer(Explorer):
         self._dragging = Dragging(self.design)
         self._swept = 0
         self._last = self._poses.home
-        self._looked: tuple[Values, Look] | None = None
 
     @functools.cached_property
     def joints(self) -> tuple[Parameter, ...]:  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -101,24 +83,8 @@ class LinkageExplorer(Explorer):
         scene = sketched_scene(self._designed.linkage)
         return [self._view(draw_linkage(scene, title=self.design.title), scene)]
 
-    def views(self, values: Values) -> Sequence[View]:
-        """See `Explorer`."""
-        return [self._look(values).view]
-
     def show(self, values: Values) -> ExplorerState:
         """See `Explorer`; the input that moved last is the abscissa of the charts."""
-        inputs, sweep, view, broken = self._look(values)
-        matter = self._matter(sweep) if sweep is not None and not sweep.ok else broken
-        charts = self._charts(inputs, sweep)
-        return ExplorerState(self._readouts(inputs, sweep), [view, *charts], matter)
-
-    def _look(self, values: Values) -> Look:
-        """What there is at these values; it is kept, for `show` follows upon `views`."""
-        if self._looked is None or self._looked[0] != values:
-            self._looked = dict(values), self._look_anew(values)
-        return self._looked[1]
-
-    def _look_anew(self, values: Values) -> Look:
         inputs, distances = self._inputs(values), self.design.distances(values)
         moved = np.flatnonzero(np.abs(inputs - self._last) > SAME)
         if moved.size:
@@ -128,10 +94,11 @@ class LinkageExplorer(Explorer):
         if broken:
             faint = _faint(draw_linkage(sketched_scene(self._designed.linkage)))
             view = View("Linkage", faint._replace(title=self.design.title))
-            return Look(inputs, None, view, broken)
+            return ExplorerState([view], self._numbers(inputs, None, broken))
         cases = self.design.cases
         sweep = self._poses.sweep(distances, inputs, self._swept, self._span(), cases)
-        return Look(inputs, sweep, self._pose(sweep), "")
+        matter = "" if sweep.ok else self._matter(sweep)
+        return ExplorerState([self._pose(sweep)], self._numbers(inputs, sweep, matter))
 
     def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
         """See `Explorer`; all other joints stay where they are, as far as that is possible."""
@@ -212,9 +179,16 @@ class LinkageExplorer(Explorer):
 
     # -- charts and numbers ---------------------------------------------------------------------
 
-    def _charts(self, inputs: np.ndarray, sweep: Sweep | None) -> list[Chart]:
-        """Margin and transmission angles over the input that moved last."""
+    def _numbers(
+        self, inputs: np.ndarray, sweep: Sweep | None, matter: str
+    ) -> Callable[[], Numbers]:
         column = self._swept
+        return lambda: Numbers(
+            self._readouts(inputs, sweep), self._charts(inputs, sweep, column), matter
+        )
+
+    def _charts(self, inputs: np.ndarray, sweep: Sweep | None, column: int) -> list[Chart]:
+        """Margin and transmission angles over an input, that which moved last."""
         joint = self.joints[column]
         label, at = f"{joint.name} ({joint.unit})", self.design.shown(column, inputs[column])
         margins: list[Series] = []

@@ -16,6 +16,7 @@ from designopt.explore.explorer import (
     Explorer,
     ExplorerState,
     Handle,
+    Numbers,
     Readout,
     Series,
     View,
@@ -107,27 +108,23 @@ class ChamberExplorer(Explorer):
         self._designed = design.chamber
         ratio = self.values()["imaging_ratio"]
         line = _line(self._ranges["imaging_ratio"], None, float(design.chamber.offset_a), ratio)
-        self._panels: tuple[View | Chart, ...] = (*self.sketch(), line)
+        self._views, self._line = self.sketch(), line
 
     def sketch(self) -> Sequence[View]:
         """Section and image as they are in the file."""
-        return self._views(self._designed, {}, {})
+        return self._drawn(self._designed, {}, {})
 
     def show(self, values: Values) -> ExplorerState:
         """The chamber at these values; where there is none, the picture stays that of the last."""
         ratios = self._ranges["imaging_ratio"]
         look = look_at(self._parameters.vector(values), jnp.asarray(ratios, float))
-        ratio, ok = values["imaging_ratio"], bool(look.solved.ok)
-        readouts = _readouts(look, ratio)
-        if not ok:
-            return ExplorerState(readouts, self._panels, look.solved.messages()[0])
-        ends = look.line.tolist()
-        offset_a = float(look.chamber.offset_a)
-        self._panels = (
-            *self._views(look.chamber, _wall_notes(look), _ring_notes(look)),
-            _line(ratios, ends, offset_a, ratio),
-        )
-        return ExplorerState(readouts, self._panels, _remark(look.chamber))
+        ratio, message = values["imaging_ratio"], look.solved.messages()[0]
+        if bool(look.solved.ok):
+            self._views = self._drawn(look.chamber, _wall_notes(look), _ring_notes(look))
+            self._line = _line(ratios, look.line.tolist(), float(look.chamber.offset_a), ratio)
+            message = _remark(look.chamber)
+        numbers = Numbers(_readouts(look, ratio), [self._line], message)
+        return ExplorerState(self._views, lambda: numbers)
 
     def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
         """As `Explorer.drag`."""
@@ -157,7 +154,7 @@ class ChamberExplorer(Explorer):
             low, high = self._ranges[name]
             found[name] = min(max(value, low), high)
 
-    def _views(
+    def _drawn(
         self, chamber: Chamber, walls: dict[str, str], rings: dict[str, str]
     ) -> Sequence[View]:
         title = self.design.title

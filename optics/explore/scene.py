@@ -18,13 +18,14 @@ from designopt.explore.explorer import (
     Explorer,
     ExplorerState,
     Handle,
+    Numbers,
     Readout,
     Series,
     View,
     number_text,
 )
 from designopt.export.drawing import Drawing, Label, Layer, Place, Polyline
-from designopt.optimize.parametric import Values
+from designopt.optimize.parametric import Parameter, Values
 from designopt.programs import Program
 from optics.export.scene_drawing import CAMERA, draw_scene, draw_views
 from optics.parametric.scene import SceneParameters, scene_at
@@ -141,7 +142,11 @@ class SceneExplorer(Explorer):
         self._before = self.values()
         self._swept, self._curve_of = self._turnable[0], ()
         self._curve = np.full((PLACES, len(design.scene.layout.pads)), np.nan)
-        self._panels: tuple[View | Chart, ...] = (*self.sketch(), *self._chart(self._before, None))
+        self._views = self.sketch()
+        self._numbers = Numbers(
+            seen_readouts(design.scene.layout, None),
+            self._chart(self._before, self._swept, seen=False),
+        )
 
     def sketch(self) -> Sequence[View]:
         """The section as it is in the file."""
@@ -152,20 +157,29 @@ class SceneExplorer(Explorer):
 
         Where the values describe no scene, the picture stays that of the last ones that do.
         """
-        scene = self._parameters.scene(values)
+        scene, layout = self._parameters.scene(values), self._scene.layout
         try:
             self._parameters.tables_of(scene)
         except UserError as error:
-            return ExplorerState(seen_readouts(self._scene.layout, None), self._panels, str(error))
+            dashes = seen_readouts(layout, None)
+            nothing = dataclasses.replace(self._numbers, readouts=dashes, message=str(error))
+            return ExplorerState(self._views, lambda: nothing)
         self._notice(values)
-        angles = self._angles(values)
-        seen = look_at(scene, angles, see_in_pose(scene, angles))
-        self._panels = (self._view(scene, values, seen), *self._chart(values, seen))
-        message = ""
-        if seen.remarks:
-            (what, why), *others = seen.remarks
-            message = "; ".join([what, why, *(more for more, _ in others)])
-        return ExplorerState(seen_readouts(self._scene.layout, seen), self._panels, message)
+        angles, swept = self._angles(values), self._swept
+        sight = see_in_pose(scene, angles)
+        self._views = [self._view(scene, values, sight)]
+
+        def numbers() -> Numbers:
+            seen, message = look_at(scene, angles, sight), ""
+            if seen.remarks:
+                (what, why), *others = seen.remarks
+                message = "; ".join([what, why, *(more for more, _ in others)])
+            notes = {SECTION: pad_notes(scene, seen)}
+            charts = self._chart(values, swept)
+            self._numbers = Numbers(seen_readouts(layout, seen), charts, message, notes)
+            return self._numbers
+
+        return ExplorerState(self._views, numbers)
 
     def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
         """As `Explorer.drag`."""
@@ -192,14 +206,13 @@ class SceneExplorer(Explorer):
     def _angles(self, values: Values) -> Float[np.ndarray, " joints"]:
         return np.radians(np.array([values[joint.name] for joint in self.joints], float))
 
-    def _view(self, scene: Scene, values: Values, seen: Seen | None) -> View:
+    def _view(self, scene: Scene, values: Values, sight: Sight | None) -> View:
         angles = self._angles(values)
         section = Section.of(scene, angles)
         drawing = draw_scene(scene, section, title=self.design.title)
         notes = part_notes(scene, drawing)
-        if seen is not None:
-            drawing = with_light(drawing, scene, angles, section, seen.sight)
-            notes |= pad_notes(scene, seen)
+        if sight is not None:
+            drawing = with_light(drawing, scene, angles, section, sight)
         return View(SECTION, drawing, self._handles(scene, values, drawing), notes)
 
     def _handles(
@@ -227,28 +240,27 @@ class SceneExplorer(Explorer):
             self._swept = moved[0]
         self._before = {one.name: values[one.name] for one in self._turnable}
 
-    def _chart(self, values: Values, seen: Seen | None) -> list[Chart]:
+    def _chart(self, values: Values, swept: Parameter, *, seen: bool = True) -> list[Chart]:
         """Coverage over the range of what was moved last; it changes with all others only."""
-        layout, swept = self._scene.layout, self._swept
+        layout = self._scene.layout
         if layout.curved:
             return []
         rest = (swept.name, *(values[one.name] for one in self._turnable if one is not swept))
-        if seen is not None and rest != self._curve_of:
-            curve = _coverage.when_compiled(self._scene, *self._states(values))
+        if seen and rest != self._curve_of:
+            curve = _coverage.when_compiled(self._scene, *self._states(values, swept))
             self._curve = np.full((PLACES, len(layout.pads)), np.nan)
             if curve is not None:
                 self._curve, self._curve_of = 100 * curve, rest
         series = []
-        if seen is not None:
+        if seen:
             columns = zip(layout.pads, self._curve.T.tolist(), strict=True)
             places = np.linspace(swept.low, swept.high, PLACES).tolist()
             series = [Series(part.name, places, column) for part, column in columns]
         label = f"{swept.label or swept.name} ({swept.unit})"
         return [Chart(COVERAGE, label, "coverage (%)", series, values[swept.name], (0.0, 100.0))]
 
-    def _states(self, values: Values) -> tuple[np.ndarray, np.ndarray]:
-        """Parameters, and joint angles (rad), over the range of what was moved last."""
-        swept = self._swept
+    def _states(self, values: Values, swept: Parameter) -> tuple[np.ndarray, np.ndarray]:
+        """Parameters, and joint angles (rad), over the range of one of them."""
         places = np.linspace(swept.low, swept.high, PLACES).tolist()
         states = [{**values, swept.name: place} for place in places]
         numbers = [[state[one.name] for one in self.design.parameters] for state in states]

@@ -16,6 +16,7 @@ from designopt.explore.explorer import (
     Explorer,
     ExplorerState,
     Handle,
+    Numbers,
     Readout,
     Series,
     View,
@@ -60,8 +61,8 @@ ORIGINS = {"E": "F", "D": "C", pin_name("H"): "C", "C": "B", "G": "A", "Q": "B"}
 crank."""
 
 
-Numbers = Float[np.ndarray, " parameters"]
-"""Of a finger, in the order and the units of its parameters."""
+Given = Float[np.ndarray, " parameters"]
+"""Numbers of a finger, in the order and the units of its parameters."""
 
 
 class Swept(NamedTuple):
@@ -90,24 +91,6 @@ class Swept(NamedTuple):
     dip: Float[Array, " poses"]
 
 
-class Posed(NamedTuple):
-    """A finger in the pose that is shown.
-
-    Attributes:
-        rows: flexion of both joints, rad: here, and then over the range of the joint moved last.
-        swept: its linkage; ``None`` without one.
-        scene: its scene; ``None`` without a camera.
-        sight: what the camera sees.
-        views: the drawings.
-    """
-
-    rows: np.ndarray
-    swept: Swept | None
-    scene: Scene | None
-    sight: Sight | None
-    views: list[View]
-
-
 class FingerExplorer(Explorer):
     """Linkage, camera and mirrors of one finger, turned by its joints; flexion is positive.
 
@@ -133,7 +116,6 @@ class FingerExplorer(Explorer):
         }
         self._last, self._column = tuple(0.0 for _ in ends), 0
         self._scene: tuple[bytes, Any] = b"", None
-        self._posed: tuple[Values, Posed] | None = None
         self._curve_of: list[bytes] = []
         self._curve = np.full((PLACES, len(PHALANGES)), np.nan)
         self._scene_of = Program(lambda numbers: design.traced(numbers).scene())
@@ -153,28 +135,20 @@ class FingerExplorer(Explorer):
             views.append(View(SEEN, drawing, handles, part_notes(scene, drawing)))
         return views
 
-    def views(self, values: Values) -> Sequence[View]:
-        """See `Explorer`."""
-        return self._pose(values).views
-
-    def _pose(self, values: Values) -> Posed:
-        """The pose at these values; it is kept, for `show` follows upon `views`."""
-        if self._posed is None or self._posed[0] != values:
-            self._posed = dict(values), self._pose_anew(values)
-        return self._posed[1]
-
-    def _pose_anew(self, values: Values) -> Posed:
+    def show(self, values: Values) -> ExplorerState:
+        """See `Explorer`; the joint that was moved last is the abscissa of the charts."""
         degrees = tuple(values[joint.name] for joint in self.joints)
         moved = [i for i, now in enumerate(degrees) if now != self._last[i]]
         self._column, self._last = (moved[0] if moved else self._column), degrees
         numbers = self._numbers(values)
         rows = np.tile(np.radians(degrees), (PLACES + 1, 1))
-        rows[1:, self._column] = np.linspace(0.0, np.radians(self._joint.high), PLACES)
+        turned = replace(self.joints[self._column], value=degrees[self._column])
+        rows[1:, self._column] = np.linspace(0.0, np.radians(turned.high), PLACES)
         swept = self._solved(numbers, rows)
         if self._coupled:
             assert swept is not None  # as it has pins
             rows = np.stack([rows[:, 0], np.where(swept.ok, swept.dip, 0.0)], axis=1)
-        views, scene, sight = [], None, None
+        views, sighted = [], None
         if swept is not None:
             views.append(self._linkage_view(_now(swept)))
         if self._designed.camera is not None:
@@ -184,35 +158,55 @@ class FingerExplorer(Explorer):
             handles, notes = self._optical_handles(drawing), part_notes(scene, drawing)
             drawing = with_light(drawing, scene, rows[0], section, sight)
             views.append(View(SEEN, drawing, handles, notes))
-        return Posed(rows, swept, scene, sight, views)
+            sighted = scene, sight
+        return ExplorerState(views, lambda: self._beside(rows, turned, swept, sighted))
 
-    def show(self, values: Values) -> ExplorerState:
-        """See `Explorer`; the joint that was moved last is the abscissa of the charts."""
-        rows, swept, scene, sight, views = self._pose(values)
+    def _beside(
+        self,
+        rows: np.ndarray,
+        turned: Parameter,
+        swept: Swept | None,
+        sighted: tuple[Scene, Sight] | None,
+    ) -> Numbers:
+        """What is shown beside the drawings.
+
+        Args:
+            rows: flexion of both joints, rad: as shown, and then over the range of one of them.
+            turned: that one, as shown.
+            swept: the linkage, if there is one.
+            sighted: the scene and what is seen of it, if there is a camera.
+        """
         pip, dip = np.degrees(rows[0]).tolist()
         readouts = [Readout("pip", pip, "°"), Readout("dip", dip, "°")]
-        views, charts, messages = [*views], [], []
+        charts, messages, notes = [], [], {}
+
+        def chart(title: str, label: str, curves: Mapping[str, np.ndarray], top: float) -> Chart:
+            places = np.linspace(0.0, turned.high, PLACES).tolist()
+            series = [Series(one, places, values.tolist()) for one, values in curves.items()]
+            return Chart(title, f"{turned.name} (°)", label, series, turned.value, (0.0, top))
+
         if swept is not None:
             readouts += _linkage_readouts(swept)
             curves = {
                 name: np.where(swept.ok, np.degrees(each), np.nan)[1:]
                 for name, each in swept.angles.items()
             }
-            charts.append(self._chart(ANGLES, "transmission angle (°)", curves, 90.0))
+            charts.append(chart(ANGLES, "transmission angle (°)", curves, 90.0))
             if not swept.ok[0]:
                 messages.append(
                     f"the linkage cannot be assembled at PIP {pip:.3g}°, DIP {dip:.3g}°: bend it "
                     "less, or take back what was changed last"
                 )
-        if scene is not None and sight is not None:
-            seen, view = look_at(scene, rows[0], sight), views[-1]
-            views[-1] = replace(view, notes={**view.notes, **pad_notes(scene, seen)})
+        if sighted is not None:
+            scene, sight = sighted
+            seen = look_at(scene, rows[0], sight)
+            notes[SEEN] = pad_notes(scene, seen)
             readouts += seen_readouts(scene.layout, seen)
             curve = self._coverage_over(scene, rows[1:])
             curves = {str(pad): 100 * curve[:, i] for i, pad in enumerate(PHALANGES)}
-            charts.append(self._chart(COVERAGE, "coverage (%)", curves, 100.0))
+            charts.append(chart(COVERAGE, "coverage (%)", curves, 100.0))
             messages += [part for pair in seen.remarks[:1] for part in pair]
-        return ExplorerState(readouts, [*views, *charts], "; ".join(messages))
+        return Numbers(readouts, charts, "; ".join(messages), notes)
 
     def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
         """See `Explorer`; what carries the part stays in its pose."""
@@ -234,16 +228,16 @@ class FingerExplorer(Explorer):
         }
         return {**values, **clipped}
 
-    def _numbers(self, values: Values) -> Numbers:
+    def _numbers(self, values: Values) -> Given:
         return np.array([values[one.name] for one in self.design.parameters], float)
 
-    def _solved(self, numbers: Numbers, rows: np.ndarray) -> Swept | None:
+    def _solved(self, numbers: Given, rows: np.ndarray) -> Swept | None:
         """The linkage in postures of both joints, or of PIP; ``None`` without one."""
         if self._designed.pins is None:
             return None
         return self._sweep(numbers, rows)
 
-    def _scene_at(self, numbers: Numbers) -> Scene:
+    def _scene_at(self, numbers: Given) -> Scene:
         """The scene; the last one is kept for when joints alone are turned."""
         if self._scene[0] != (key := numbers.tobytes()):
             self._scene = key, jax.device_put(self._scene_of(numbers))
@@ -258,17 +252,6 @@ class FingerExplorer(Explorer):
             if curve is not None:
                 self._curve, self._curve_of = curve, rest
         return self._curve
-
-    @property
-    def _joint(self) -> Parameter:
-        """The joint that was moved last."""
-        return self.joints[self._column]
-
-    def _chart(self, name: str, label: str, curves: Mapping[str, np.ndarray], most: float) -> Chart:
-        places = np.linspace(0.0, self._joint.high, PLACES).tolist()
-        series = [Series(one, places, values.tolist()) for one, values in curves.items()]
-        at = self._last[self._column]
-        return Chart(name, f"{self._joint.name} (°)", label, series, at, (0.0, most))
 
     def _linkage_view(self, scene: LinkageScene) -> View:
         drawing = draw_linkage(scene, title=self.design.title)

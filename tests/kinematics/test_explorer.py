@@ -15,6 +15,7 @@ from kinematics.explore.explorer import LinkageExplorer
 from kinematics.export.drawing import make_linkage_drawing
 from kinematics.io.designed import DesignedLinkage
 from kinematics.io.sketch import parse_sketch
+from tests.designopt.explore.whole import show
 from tests.helpers import nightly
 from tests.kinematics.gallery import (
     FOLDER,
@@ -73,7 +74,7 @@ def pins(view, name):
 
 def check(one, values):
     """Every number, pin and note is what the public functions compute of a linkage built anew."""
-    state = one.show(values)
+    state = show(one, values)
     view, *charts = panels(state)
     found = readouts(state)
     assert all(value is None or math.isfinite(value) for value in found.values())
@@ -97,7 +98,7 @@ def check(one, values):
         np.testing.assert_allclose(handle.place, place, rtol=0, atol=1e-8)
         for center in pins(view, handle.name.removeprefix("pin ")):
             np.testing.assert_allclose(center, place, rtol=0, atol=1e-8)
-    first = panels(one.show(one.values()))[1:]
+    first = panels(show(one, one.values()))[1:]
     assert [chart.name for chart in charts] == [chart.name for chart in first]
     return state
 
@@ -108,7 +109,7 @@ def test_no_move_compiles_anything():
     It stands first, before other tests have compiled what runs outside of the jitted functions.
     """
     one = explorer(gallery_tables("watt", {"linkage/name": "compiled by no other test"}))
-    one.show(start(one))
+    show(one, start(one))
     ends = [*one.joints, *one.design.parameters]
     moves = [{each.name: end} for each in ends for end in (each.high, each.low)]
     moves.append({each.name: each.low for each in one.design.parameters})
@@ -120,9 +121,9 @@ def test_no_move_compiles_anything():
 
     jax.monitoring.register_event_duration_secs_listener(heard)
     try:
-        messages = [one.show(start(one, **move)).message for move in moves]
+        messages = [show(one, start(one, **move)).message for move in moves]
         assert any("locks at" in message for message in messages)
-        for handle in panels(one.show(start(one)))[0].handles:
+        for handle in panels(show(one, start(one)))[0].handles:
             one.drag(start(one), handle.name, (handle.place[0] + 1, handle.place[1]))
         assert not compiled
         jax.jit(lambda number: number + len(moves))(1.0)
@@ -148,7 +149,7 @@ def test_the_first_pose_is_drawn_as_the_exporters_draw_it(name):
     one = explorer_of(name)
     wanted = make_linkage_drawing(DesignedLinkage.read(FOLDER / f"{name}.toml"))
     (sketch,) = one.sketch()
-    shown, *_ = panels(one.show(start(one)))
+    shown, *_ = panels(show(one, start(one)))
     for view in (sketch, shown):
         circles, lines = view.drawing.circles, view.drawing.polylines
         lines = [line for line in lines if not line.name.startswith("path")]
@@ -170,7 +171,7 @@ def test_the_four_bar_in_words_and_numbers():
     one = explorer_of("four-bar")
     (crank,) = one.joints
     assert (crank.low, crank.high, crank.unit) == (0.0, 360.0, "°")
-    state = one.show(start(one, crank=90.0))
+    state = show(one, start(one, crank=90.0))
     # By the law of cosines: B is at the ends of 120 and 80.
     diagonal = math.hypot(40, 100)
     angle = math.degrees(math.acos((120**2 + 80**2 - diagonal**2) / (2 * 120 * 80)))
@@ -184,16 +185,7 @@ def test_the_four_bar_in_words_and_numbers():
     assert view.notes["crank"] == "O2–A 40 mm, at 90.00°"
     assert view.notes["ground"] == "O2–O4 100 mm"
     assert view.notes["B"].endswith(f" mm, μ {angle:.2f}°")
-    assert readouts(one.show(start(one, **LOCKS)))["least μ in the working range"] is None
-
-
-def test_the_drawing_alone_is_that_of_the_whole():
-    alone, whole = explorer_of("four-bar"), explorer_of.__wrapped__("four-bar")
-    for changed in ({"crank": 70.0}, {"crank": 71.0}, LOCKS, NO_POSE):
-        values = start(alone, **changed)
-        shown = whole.show(values)
-        assert list(alone.views(values)) == [panels(shown)[0]]
-        assert alone.show(values).readouts == shown.readouts
+    assert readouts(show(one, start(one, **LOCKS)))["least μ in the working range"] is None
 
 
 def test_limits_of_a_watt():
@@ -202,7 +194,7 @@ def test_limits_of_a_watt():
     limits = [limit.value for limit in ends(find_limits(gallery("watt"), "crank"))]
     (crank,) = one.joints
     for limit, value in zip(limits, (crank.low, crank.high), strict=True):
-        state = one.show(start(one, crank=value))
+        state = show(one, start(one, crank=value))
         assert state.message.endswith(f"crank locks at {math.degrees(limit):.2f}°.")
         view, margin, angle = panels(state)
         for chart, top in ((margin, margin.y_range[1] / 1.05), (angle, 90.0)):
@@ -217,7 +209,7 @@ def test_limits_of_a_watt():
 
 def test_charts_are_the_margin_and_the_angles_of_the_linkage():
     one = explorer_of("watt")
-    _, margin, angle = panels(one.show(start(one)))
+    _, margin, angle = panels(show(one, start(one)))
     (crank,) = one.joints
     assert (margin.x_label, margin.y_label, angle.y_label) == ("crank (°)", "margin (mm)", "μ (°)")
     assert margin.at == angle.at == crank.value
@@ -239,12 +231,12 @@ def test_charts_are_the_margin_and_the_angles_of_the_linkage():
 
 def test_the_input_that_moved_last_is_the_abscissa():
     one = explorer_of("five-bar")
-    one.show(start(one, left=one.values()["left"] + 1.0))
+    show(one, start(one, left=one.values()["left"] + 1.0))
     labels = []
     for changed in ({}, {"right": 60.0}, {"right": 60.0, "bodies.ground.O2-O5": 13.0}, {}):
-        labels.append(panels(one.show(start(one, **changed)))[1].x_label)
+        labels.append(panels(show(one, start(one, **changed)))[1].x_label)
     assert labels == ["left (°)", "right (°)", "right (°)", "right (°)"]
-    assert panels(one.show(start(one, left=20.0)))[2].at == 20.0
+    assert panels(show(one, start(one, left=20.0)))[2].at == 20.0
 
 
 def test_the_traced_curve_is_the_joints_path():
@@ -252,7 +244,7 @@ def test_the_traced_curve_is_the_joints_path():
     one = explorer_of("four-bar")
     for changed, pieces in (({"bodies.coupler.A-B": 110.0}, 1), (LOCKS, 2)):
         values = start(one, **changed)
-        view, *_ = panels(one.show(values))
+        view, *_ = panels(show(one, values))
         (layer,) = [layer.name for layer in view.drawing.layers if layer.kind == "path"]
         lines = [line for line in view.drawing.polylines if line.layer == layer]
         paths = [np.array(line.places) for line in lines if line.name == "path of B"]
@@ -275,8 +267,8 @@ def test_a_slide_in_millimetres():
     reach = math.hypot(20, 35) + math.hypot(107, 55)
     farthest = math.sqrt(reach**2 - 20**2)
     assert push.high > farthest
-    assert readouts(one.show(start(one)))["push"] == 127.0
-    message = one.show(start(one, push=push.high)).message
+    assert readouts(show(one, start(one)))["push"] == 127.0
+    message = show(one, start(one, push=push.high)).message
     assert message.endswith(f"push locks at {farthest:.3f} mm.")
     # Its joint is dragged along its line, and takes the rod with it.
     found = one.drag(start(one), "pin C", (120.0, 3.0))
@@ -302,7 +294,7 @@ def test_where_nothing_assembles_it_is_said():
 def test_a_dragged_joint_is_where_it_was_dragged_and_the_others_stay(name):
     one = explorer_of(name)
     values = start(one)
-    before, *_ = panels(one.show(values))
+    before, *_ = panels(show(one, values))
     places = {handle.name: np.array(handle.place) for handle in before.handles}
     ground = gallery(name).structure.fixed_joints
     assert f"pin {ground[0]}" not in places
@@ -313,7 +305,7 @@ def test_a_dragged_joint_is_where_it_was_dragged_and_the_others_stay(name):
         target = places[handle.name] + (0.4, 0.3)
         found = one.drag(values, handle.name, tuple(target.tolist()))
         assert {key for key in found if found[key] != values[key]} <= {*handle.parameters}
-        after = {h.name: np.array(h.place) for h in panels(one.show(found))[0].handles}
+        after = {h.name: np.array(h.place) for h in panels(show(one, found))[0].handles}
         step = places[handle.name] - origin
         if joint in ground and abs(level[0] * step[1] - level[1] * step[0]) < 1e-6:
             target = origin + level * ((target - origin) @ level)  # along the ground
@@ -330,13 +322,13 @@ def test_a_joint_on_a_line_is_dragged_along_it():
     """The lever's end along the lever, whose angle is the crank's; the ram along its line."""
     one = explorer_of("quick-return")
     values = start(one, crank=40.0)
-    view, *_ = panels(one.show(values))
+    view, *_ = panels(show(one, values))
     places = {handle.name: np.array(handle.place) for handle in view.handles}
     for pin, along in (("pin T", places["pin T"] - (0, -25)), ("pin R", np.array([1.0, 0.0]))):
         along = along / np.hypot(*along)
         aside = np.array([-along[1], along[0]])
         target = places[pin] + 0.5 * along + 0.3 * aside
-        view, *_ = panels(one.show(one.drag(values, pin, tuple(target.tolist()))))
+        view, *_ = panels(show(one, one.drag(values, pin, tuple(target.tolist()))))
         found = {handle.name: handle.place for handle in view.handles}[pin]
         np.testing.assert_allclose(found, places[pin] + 0.5 * along, atol=1e-6)
 
@@ -345,13 +337,13 @@ def test_dragging_ends_at_the_ends_of_ranges():
     """A, dragged far away, is where crank and coupler are as long as they can be."""
     one = explorer_of("four-bar")
     values = start(one)
-    before, *_ = panels(one.show(values))
+    before, *_ = panels(show(one, values))
     places = {handle.name: handle.place for handle in before.handles}
     found = one.drag(values, "pin A", (300.0, -400.0))
     for parameter in one.design.parameters:
         assert parameter.low <= found[parameter.name] <= parameter.high
     assert found["bodies.crank.O2-A"] == pytest.approx(1.7 * 40, rel=1e-6)
-    after, *_ = panels(one.show(found))
+    after, *_ = panels(show(one, found))
     moved = {handle.name: handle.place for handle in after.handles}
     np.testing.assert_allclose(moved["pin B"], places["pin B"], atol=1e-3)
     # Of a full turn the angle goes on at the other end; beyond a lock nothing can be dragged.
@@ -365,7 +357,7 @@ def test_dragging_ends_at_the_ends_of_ranges():
 def test_a_corner_stays_on_its_side_of_its_body():
     one = explorer_of("watt")
     values = start(one)
-    joints = {h.name.removeprefix("pin "): h.place for h in panels(one.show(values))[0].handles}
+    joints = {h.name.removeprefix("pin "): h.place for h in panels(show(one, values))[0].handles}
     first, second, corner = (complex(*joints[joint]) for joint in ("O4", "B", "C"))
     along = second - first
     height = ((corner - first) / along).imag
@@ -377,7 +369,7 @@ def test_a_corner_stays_on_its_side_of_its_body():
 
 def test_what_can_be_dragged_of_a_scotch_yoke():
     one = explorer_of("scotch-yoke")
-    view, *_ = panels(one.show(start(one)))
+    view, *_ = panels(show(one, start(one)))
     places = {handle.name: handle.place for handle in view.handles}
     assert [*places] == ["pin A", "pin Z"]
     # The yoke does not turn: its end moves along it.

@@ -11,6 +11,7 @@ from designopt.explore.explorer import View
 from optics import ChamberResult
 from optics.chamber.designed import DesignedChamber
 from optics.explore.chamber import ChamberExplorer
+from tests.designopt.explore.whole import show
 from tests.optics.chambers import MOVES, PAPER, eq_1
 
 
@@ -26,7 +27,7 @@ def readouts(state):
 @pytest.mark.parametrize("moves", MOVES)
 def test_numbers_and_shapes_are_those_of_eq_1(paper, moves):
     values = paper.values() | moves
-    state = paper.show(values)
+    state = show(paper, values)
     offset_c, offset_d, angle, images = eq_1(values)
     found = readouts(state)
     expected = {
@@ -76,7 +77,7 @@ def test_numbers_and_shapes_are_those_of_eq_1(paper, moves):
 
 def test_the_sketch_is_the_file():
     explorer = ChamberExplorer(DesignedChamber("soft", PAPER))
-    shown = explorer.show(explorer.values()).panels
+    shown = show(explorer, explorer.values()).panels
     for early, late in zip(explorer.sketch(), shown, strict=False):
         assert isinstance(late, View)
         assert early.name == late.name
@@ -94,8 +95,8 @@ def test_the_sketch_is_the_file():
 )
 def test_a_failure_is_named_and_leaves_the_picture(paper, moves, result, margin):
     values = paper.values()
-    before = paper.show(values)
-    state = paper.show(values | moves)
+    before = show(paper, values)
+    state = show(paper, values | moves)
     assert state.message == ChamberResult[result]
     assert state.panels == before.panels
     found = readouts(state)
@@ -113,13 +114,13 @@ def test_a_failure_is_named_and_leaves_the_picture(paper, moves, result, margin)
 
 def test_a_poor_chamber_is_remarked_on(paper):
     values = paper.values()
-    assert paper.show(values).message == ""
-    outside = paper.show(values | {"imaging_ratio": 0.9})
+    assert show(paper, values).message == ""
+    outside = show(paper, values | {"imaging_ratio": 0.9})
     room = readouts(outside)["room of D inside Δl_A"]
     assert room < 0
     assert f"D lies outside the wall at the lens, by {-room:.3g} mm" in outside.message
-    assert "the top has no ring" in paper.show(values | {"imaging_ratio": 1.15}).message
-    same = paper.show(values | {"image_distance": values["focal_length"]})
+    assert "the top has no ring" in show(paper, values | {"imaging_ratio": 1.15}).message
+    same = show(paper, values | {"image_distance": values["focal_length"]})
     assert "change f or v" in same.message
     assert [panel.name for panel in same.panels] == [panel.name for panel in outside.panels]
 
@@ -136,11 +137,11 @@ def test_a_poor_chamber_is_remarked_on(paper):
 )
 def test_a_dragged_point_goes_where_it_is_dragged(paper, handle, by):
     values = paper.values()
-    view = paper.show(values).panels[0]
+    view = show(paper, values).panels[0]
     start = {one.name: one for one in view.handles}[handle]
     wanted = (start.place[0] + by[0], start.place[1] + by[1])
     found = paper.drag(values, handle, wanted)
-    moved = {one.name: one.place for one in paper.show(found).panels[0].handles}
+    moved = {one.name: one.place for one in show(paper, found).panels[0].handles}
     assert moved[handle] == pytest.approx(wanted, abs=1e-9)
     assert {name for name in values if found[name] != values[name]} == set(start.parameters)
     # Far away it stops at the ends of the ranges.
@@ -150,11 +151,11 @@ def test_a_dragged_point_goes_where_it_is_dragged(paper, handle, by):
 
 
 def test_showing_compiles_once(paper, monkeypatch):
-    paper.show(paper.values())
+    show(paper, paper.values())
 
     def traced_again(*arguments):
         raise AssertionError("it was traced again")
 
     monkeypatch.setattr("optics.parametric.chamber.solve_dimension_for_ratio", traced_again)
     for moves in MOVES:
-        paper.show(paper.values() | moves)
+        show(paper, paper.values() | moves)

@@ -17,6 +17,7 @@ from optics.scene.reading import parse_scene
 from optics.visibility.coverage import find_coverage, find_views
 from optics.visibility.sharpness import find_sharpness
 from studies.oracles.rays import bounds
+from tests.designopt.explore.whole import show
 from tests.helpers import SCENES, nightly
 from tests.optics.scenes import fans_of, mirrored, posed, structure_of
 
@@ -57,7 +58,7 @@ def shown(explorer, turned):
     values = explorer.values()
     assert turned.keys() <= values.keys()
     values |= turned
-    return values, explorer.show(values)
+    return values, show(explorer, values)
 
 
 @pytest.mark.parametrize("turned", [MOVED, *nightly({}, {"pip": 60.0, "camera.direction": -70.0})])
@@ -140,10 +141,10 @@ def test_light_is_reflected_as_it_must_be():
 def test_the_chart_is_coverage_over_what_was_moved_last():
     explorer = opened("finger")
     values = explorer.values()
-    explorer.show(values)
+    show(explorer, values)
     for name, low, high in (("dip", 0.0, 90.0), ("camera.direction", -126.3, -66.3)):
         values[name] = low + 0.4 * (high - low)
-        chart = explorer.show(values).panels[1]
+        chart = show(explorer, values).panels[1]
         assert isinstance(chart, Chart)
         assert chart.name == COVERAGE
         assert chart.at == pytest.approx(values[name])
@@ -159,11 +160,11 @@ def test_turning_asks_for_nothing_that_is_not_compiled():
     explorer, prompt = opened("finger"), Prompt()
     values = explorer.values()
     with prompt.answering():
-        first = explorer.show(values)
+        first = show(explorer, values)
     prompt.compile()
     with prompt.answering():
         for one in (*explorer.joints, *explorer.design.parameters):
-            state = explorer.show({**values, one.name: 0.3 * one.low + 0.7 * one.high})
+            state = show(explorer, {**values, one.name: 0.3 * one.low + 0.7 * one.high})
             assert [panel.name for panel in state.panels] == [one.name for one in first.panels]
     assert not prompt.is_behind
 
@@ -172,7 +173,7 @@ def test_a_scene_that_cannot_be_leaves_the_picture():
     explorer = opened("finger")
     values, state = shown(explorer, {})
     ends = {f"mirrors.distal.{end}.{axis}": 20.0 for end in ("from", "to") for axis in "xy"}
-    told = explorer.show(values | ends)
+    told = show(explorer, values | ends)
     assert told.message == "finger: mirrors.0: it has no length; move 'from' or 'to'"
     assert readouts(told).keys() == readouts(state).keys()
     assert told.panels == state.panels
@@ -224,7 +225,7 @@ def _scene(explorer, values):
 @pytest.mark.slow
 def test_a_point_that_all_rays_meet_has_no_resolution():
     explorer = opened("ellipse")
-    state = explorer.show(explorer.values())
+    state = show(explorer, explorer.values())
     found = readouts(state)
     assert found["target: coverage"] == 0
     assert found["target: least resolution"] is None
@@ -240,8 +241,8 @@ def test_a_point_that_all_rays_meet_has_no_resolution():
 def test_every_scene_of_the_gallery_bears_its_ranges(name):
     explorer = SceneExplorer(DesignedScene.read(SCENES / f"{name}.toml"))
     values = explorer.values()
-    names = readouts(explorer.show(values)).keys()
+    names = readouts(show(explorer, values)).keys()
     for one in (*explorer.joints, *explorer.design.parameters):
         assert one.low <= one.value <= one.high
         for end in (one.low, one.high):
-            assert readouts(explorer.show({**values, one.name: end})).keys() == names
+            assert readouts(show(explorer, {**values, one.name: end})).keys() == names

@@ -7,6 +7,7 @@ import pytest
 from designopt import cli
 from designopt.designs import load_design
 from designopt.explore.explorer import View
+from tests.designopt.explore.whole import show
 
 MODULE = """
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from pydantic import Field
 
 from designopt import Metric, Results, Spec, Study
 from designopt.design_kind import Design, DesignKind
-from designopt.explore.explorer import Explorer, ExplorerState, Readout, View
+from designopt.explore.explorer import Explorer, ExplorerState, Numbers, Readout, View
 from designopt.export.json import Quantity
 from designopt.export.drawing import Drawing, Layer, Polyline
 from designopt.file_template import FileTemplate
@@ -59,7 +60,7 @@ class CrateExplorer(Explorer):
 
     def show(self, values):
         view = View("crate", drawing(Crate(self.design.title, values["side"])))
-        return ExplorerState([Readout("area", values["side"] ** 2, "mm²")], [view])
+        return ExplorerState([view], lambda: Numbers([Readout("area", values["side"] ** 2, "mm²")]))
 
     def drag(self, values, handle, place):
         return dict(values)
@@ -155,7 +156,7 @@ def test_files_to_begin_with_are_written_and_taken(work, capsys):
 def test_its_explorer_shows_it(work):
     explorer = load_design("box.toml").explorer()
     assert explorer.design.title == "box"
-    state = explorer.show({"side": 4.0})
+    state = show(explorer, {"side": 4.0})
     assert [(one.name, one.value) for one in state.readouts] == [("area", 16.0)]
     [view] = state.panels
     assert isinstance(view, View)

@@ -14,6 +14,7 @@ from designopt.explore.explorer import (
     Explorer,
     ExplorerState,
     Handle,
+    Numbers,
     Readout,
     Series,
     View,
@@ -133,14 +134,16 @@ class SliderCrank(Explorer):
             Series("slider", swept, [math.nan if one is None else one for one in places]),
             Series("crank", swept, [values["radius"] * math.cos(math.radians(a)) for a in swept]),
         ]
-        return ExplorerState(
+        numbers = Numbers(
             [
                 Readout("slider's place", x, "mm"),
                 Readout("rod to crank", values["rod"] / values["radius"]),
             ],
-            [self.view(values), Chart("motion", "crank (°)", "x (mm)", series, values["crank"])],
+            [Chart("motion", "crank (°)", "x (mm)", series, values["crank"])],
             "" if x is not None else LOCKED,
+            {self.name: {"crank pin": f"at {values['crank']:g}°"}},
         )
+        return ExplorerState([self.view(values)], lambda: numbers)
 
     def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
         if handle == "slider":

@@ -15,6 +15,7 @@ from designopt.export.dxf import dxf_text
 from designopt.export.line_styles import line_styles_of
 from designopt.export.svg import svg_text
 from tests.designopt.explore.slider_crank import SliderCrank, draw
+from tests.designopt.explore.whole import show
 
 SVG = "{http://www.w3.org/2000/svg}"
 VALUES = SliderCrank().values()
@@ -100,7 +101,7 @@ def test_styles_and_the_frame_are_those_of_the_exporters():
 def test_what_is_sent_of_a_change_makes_the_whole():
     shown = []
     for values in (VALUES, {**VALUES, "crank": 70.0}, {**VALUES, "radius": 20.0}):
-        fields = {"panels": encode_panels(SliderCrank().show(values).panels), "note": "same"}
+        fields = {"panels": encode_panels(show(SliderCrank(), values).panels), "note": "same"}
         shown.append(json.loads(json.dumps(fields, allow_nan=False)))
     fields = copy.deepcopy(changed_fields(shown[0], {"panels": [], "note": ""}))
     assert fields == shown[0]
