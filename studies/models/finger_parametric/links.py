@@ -317,7 +317,8 @@ def _in_one_frame(
 ) -> dict[str, Vector]:
     """Axes and pins in the frame of the proximal phalanx, one for every posture."""
     zero, knuckle = jnp.zeros_like(finger.body.intermediate), rotation(-pip)[:, None]
-    inner = postures.inner | {"B": Vector(finger.body.intermediate, zero)}
+    inner = jax.tree.map(lambda leaf: leaf[None] if leaf.ndim else leaf, postures.inner)
+    inner |= {"B": Vector(finger.body.intermediate, zero)}
     found = {name: place.turned(knuckle) for name, place in inner.items()} | postures.outer
     return found | {"A": Vector(zero, zero), "O": Vector(-finger.body.proximal, zero)}
 
