@@ -115,7 +115,8 @@ class ExplorerState(NamedTuple):
 
     Attributes:
         views: the same names in the same order every time.
-        numbers: computes the rest, once the views are shown.
+        numbers: computes the rest once the views are shown, in the same thread; other values may
+            have been shown meanwhile, and it may never be called.
     """
 
     views: Sequence[View]
@@ -126,8 +127,7 @@ class Explorer(abc.ABC):
     """A design with joints to turn and dimensions to change.
 
     An explorer is called in one thread, its design's methods in a second one too, both with JAX in
-    float64. ``Values`` hold a number for every
-    joint and every dimension.
+    float64. ``Values`` hold a number for every joint and every dimension.
 
     Attributes:
         design: its parameters are the dimensions; what it measures can be optimised.

@@ -338,4 +338,4 @@ class Tab(_Guarded, WebSocketHandler):
     def _send_model(self) -> None:
         session = self._site.session
         seq = session.seqs.get(self, 0)
-        self.send(json.dumps(session.model, allow_nan=False), {"seq": seq, "shown": seq})
+        self.send(json.dumps(session.whole(), allow_nan=False), {"seq": seq, "shown": seq})

@@ -51,7 +51,6 @@ ECHO = 0.03
 
 LONGEST_HISTORY = 1000
 MOST_PRESETS = 100
-EMPTY: Mapping[Hashable, int] = {}
 AS_DESIGNED = "as designed"
 CHANGED = "stopped, for the design was changed"
 
@@ -131,7 +130,7 @@ class Session:
     requirements, optimisation and files, in a second one, for they may take seconds.
 
     Attributes:
-        model: every field of what is shown, for a new tab.
+        model: every field of what is shown, as it was sent.
         seqs: the last change taken of every tab.
     """
 
@@ -173,6 +172,10 @@ class Session:
         }
         self._picture.submit("sketch", self._sketch, self._sketched)
         self._show()
+
+    def whole(self) -> Wire:
+        """Every field, with settings that wait to be sent."""
+        return self.model | self._settings()
 
     def end(self) -> list[Worker]:
         """Begin no further computation, only save what was asked for; returns what still works."""
@@ -252,7 +255,7 @@ class Session:
     # What a person changes.
 
     def _set(
-        self, values: Values, gesture: Hashable = None, seqs: Mapping[Hashable, int] = EMPTY
+        self, values: Values, gesture: Hashable = None, seqs: Mapping[Hashable, int] | None = None
     ) -> None:
         self._note("")
         allowed = self._allowed(values, note=True)
@@ -299,6 +302,8 @@ class Session:
 
         def done(future: Future, changes: int = self._changes) -> None:
             found = self._result(future)
+            if found is None:
+                self._follow_up()
             if found is None or changes != self._changes:
                 return
             changed, shown = found
@@ -345,19 +350,20 @@ class Session:
         self,
         settings: Settings,
         gesture: Hashable = None,
-        seqs: Mapping[Hashable, int] = EMPTY,
+        seqs: Mapping[Hashable, int] | None = None,
         *,
         is_shown: bool = False,
     ) -> None:
         self._stop(CHANGED)
-        self.seqs |= seqs  # no earlier: values are sent with what they are the answer to
+        self.seqs |= seqs or {}  # no earlier: values are sent with what they are the answer to
         self._history.change(settings, gesture)
         self._changed(is_shown=is_shown)
 
     def _changed(self, *, is_shown: bool = False) -> None:
         """Show what follows from other settings; a drag's picture is computed with its values.
 
-        The settings are sent along with the picture: a browser takes long over a message.
+        The settings are sent along with what is sent next, the picture as a rule: a browser takes
+        long over a message.
         """
         values = self._own(self.model["values"])
         if not is_shown:
@@ -414,6 +420,8 @@ class Session:
                     [one.name, number_text(one.value), one.unit] for one in numbers.readouts
                 ]
                 self._publish(panels=[*views, *charts], readouts=readouts, message=numbers.message)
+            elif known := self.model["readouts"]:  # they are another picture's
+                self._publish(readouts=[[name, "–", unit] for name, _, unit in known], message="")
             self._follow_up()
 
         self._picture.submit("numbers", compute, done, first=True)
@@ -455,7 +463,12 @@ class Session:
             self._publish(panels=panels)
 
     def _publish(self, shown: Mapping[Hashable, int] | None = None, **fields: Any) -> None:
-        """Send what has changed; all numbers of a picture where the tabs wait for them."""
+        """Send what has changed, with settings that wait to be sent.
+
+        Args:
+            shown: each tab's ``seq``, where a picture is sent.
+            fields: of the model.
+        """
         if self._echo is not None:
             self._echo.cancel()
             self._echo = None
@@ -467,7 +480,8 @@ class Session:
         self._send(changed, shown)
 
     def _note(self, text: str, *, is_fault: bool = False) -> None:
-        self._publish(note=text, note_is_fault=is_fault)
+        if (text, is_fault) != (self.model["note"], self.model["note_is_fault"]):
+            self._publish(note=text, note_is_fault=is_fault)
 
     def _label(self, name: str) -> str:
         return self.parameters[name].label or name

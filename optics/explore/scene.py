@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import dataclasses
+import functools
 import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -143,10 +144,8 @@ class SceneExplorer(Explorer):
         self._swept, self._curve_of = self._turnable[0], ()
         self._curve = np.full((PLACES, len(design.scene.layout.pads)), np.nan)
         self._views = self.sketch()
-        self._numbers = Numbers(
-            seen_readouts(design.scene.layout, None),
-            self._chart(self._before, self._swept, seen=False),
-        )
+        charts = self._chart(self._before, self._swept, seen=False)
+        self._numbers = lambda: Numbers(seen_readouts(design.scene.layout, None), charts)
 
     def sketch(self) -> Sequence[View]:
         """The section as it is in the file."""
@@ -161,14 +160,15 @@ class SceneExplorer(Explorer):
         try:
             self._parameters.tables_of(scene)
         except UserError as error:
-            dashes = seen_readouts(layout, None)
-            nothing = dataclasses.replace(self._numbers, readouts=dashes, message=str(error))
-            return ExplorerState(self._views, lambda: nothing)
+            nothing = {"readouts": seen_readouts(layout, None), "message": str(error)}
+            last = self._numbers
+            return ExplorerState(self._views, lambda: dataclasses.replace(last(), **nothing))
         self._notice(values)
         angles, swept = self._angles(values), self._swept
         sight = see_in_pose(scene, angles)
         self._views = [self._view(scene, values, sight)]
 
+        @functools.cache
         def numbers() -> Numbers:
             seen, message = look_at(scene, angles, sight), ""
             if seen.remarks:
@@ -176,9 +176,9 @@ class SceneExplorer(Explorer):
                 message = "; ".join([what, why, *(more for more, _ in others)])
             notes = {SECTION: pad_notes(scene, seen)}
             charts = self._chart(values, swept)
-            self._numbers = Numbers(seen_readouts(layout, seen), charts, message, notes)
-            return self._numbers
+            return Numbers(seen_readouts(layout, seen), charts, message, notes)
 
+        self._numbers = numbers
         return ExplorerState(self._views, numbers)
 
     def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:

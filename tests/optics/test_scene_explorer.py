@@ -177,6 +177,11 @@ def test_a_scene_that_cannot_be_leaves_the_picture():
     assert told.message == "finger: mirrors.0: it has no length; move 'from' or 'to'"
     assert readouts(told).keys() == readouts(state).keys()
     assert told.panels == state.panels
+    # Also where the numbers of the last that can be are not computed yet.
+    bent = explorer.show(values | {"pip": 60.0})
+    left = explorer.show(values | ends | {"pip": 60.0}).numbers()
+    assert (left.notes, left.charts) == (bent.numbers().notes, bent.numbers().charts)
+    assert left.charts[0].at == 60.0
 
 
 def test_the_sketch_is_the_file_in_its_first_pose():

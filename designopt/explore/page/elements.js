@@ -25,9 +25,9 @@ export const button = (text, label, action) => {
 
 // Let a group have an element for each item, made once and then only changed: text that is made anew
 // is laid out anew.
-export function keep(group, items, make, change) {
+export function keep(group, items, create, change) {
   while (group.childElementCount > items.length) group.lastChild.remove();
-  while (group.childElementCount < items.length) group.append(make());
+  while (group.childElementCount < items.length) group.append(create());
   items.forEach((item, number) => change(group.children[number], item));
 }
 

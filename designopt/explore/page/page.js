@@ -72,9 +72,11 @@ socket.addEventListener('message', ({ data }) => {
   const { fields, seqs: received } = JSON.parse(data);
   send({ type: 'ack' });
   Object.assign(seqs, received);
-  if (fields.panels) panels.take(fields.panels);
+  if (fields.panels) {
+    panels.take(fields.panels);
+    changed.add('panels');
+  }
   delete fields.panels;
-  if ('shown' in received) changed.add('panels');
   Object.assign(model, fields);
   for (const name of Object.keys(fields)) changed.add(ALSO[name] ?? name);
   // A picture is drawn while the next frame is waited for, unless one was since the last frame.

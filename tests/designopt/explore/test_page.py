@@ -421,6 +421,12 @@ def test_hovering_names_a_part_and_its_numbers(visit, site):
     page.get_by_text("Its values").click()
     values = page.locator(".chart .parts dl")
     wait(lambda: "crank (°)\nnow 40" in values.inner_text())
+    now = "document.querySelector('.chart .now').getAttribute('d')"
+    before, entry = page.evaluate(now), page.get_by_label("crank in °", exact=True)
+    entry.fill("200")
+    entry.press("Enter")
+    wait(lambda: page.evaluate(now) != before)
+    wait(lambda: "crank (°)\nnow 200" in values.inner_text())
     drag_slider(page, "crank", 0.2, 0.3)
     crank = page.get_by_role("spinbutton", name="crank in °", exact=True)
     wait(lambda: f"now {float(crank.input_value()):.4g}" in values.inner_text())

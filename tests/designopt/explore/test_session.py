@@ -286,6 +286,23 @@ def test_numbers_that_come_late_leave_the_newer_drawing(run):
     run(guest, explorer)
 
 
+def test_numbers_of_another_drawing_do_not_stay(run, capfd):
+    explorer = Slow()
+
+    async def guest(session, say, until):
+        explorer.turns_taken = None  # its numbers fail
+        say(set_("crank", 99.0))
+        await until(lambda model: "AttributeError" in model["note"])
+        assert drawn(99.0)(session.model)
+        assert session.model["readouts"] == [
+            ["slider's place", "–", "mm"],
+            ["rod to crank", "–", ""],
+        ]
+
+    run(guest, explorer)
+    assert "Traceback" in capfd.readouterr().err
+
+
 def test_values_are_sent_with_their_picture_or_before_it_where_that_takes_long(run):
     explorer, sent = SliderCrank(), []
 
@@ -305,11 +322,12 @@ def test_values_are_sent_with_their_picture_or_before_it_where_that_takes_long(r
         await until(lambda model: model["values"]["crank"] == 120.0)
         assert not any("panels" in fields for fields, _, _ in sent)
         say(set_("radius", 99.0, seq=9))
+        assert session.whole()["values"]["radius"] == 80.0
         go_on.set()
         await until(lambda model: model["values"]["radius"] == 80.0)
         # A tab that reads of its change as taken is sent its values at the same time.
-        for fields, _, seqs in sent:
-            assert "values" not in fields or seqs != {"tab": 9} or fields["values"]["radius"] == 80
+        first = next(fields for fields, _, seqs in sent if fields and seqs == {"tab": 9})
+        assert first["values"]["radius"] == 80.0
 
     run(guest, explorer)
 
