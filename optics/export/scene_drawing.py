@@ -404,7 +404,8 @@ def _places(
 ) -> list[Place]:
     """Places in the pose; those that are where they are in the file have its numbers."""
     there = [] if designed is None else np.asarray(designed, float).tolist()
-    pairs = itertools.zip_longest(np.asarray(places).tolist(), there, fillvalue=(math.nan,) * 2)
+    found = [place.tolist() for place in places]
+    pairs = itertools.zip_longest(found, there, fillvalue=(math.nan,) * 2)
     return [(_rounded(x, own_x), _rounded(y, own_y)) for (x, y), (own_x, own_y) in pairs]
 
 
