@@ -6,6 +6,7 @@ import os
 import sys
 import threading
 from pathlib import Path
+from typing import Any
 
 import jax.numpy as jnp
 import pytest
@@ -238,7 +239,7 @@ class Slow(SliderCrank):
 
     def __init__(self):
         super().__init__()
-        self.turns_taken = threading.Semaphore(1000)
+        self.turns_taken: Any = threading.Semaphore(1000)
 
     def show(self, values):
         turns, (views, numbers) = self.turns_taken, super().show(values)
