@@ -61,7 +61,7 @@ ORIGINS = {"E": "F", "D": "C", pin_name("H"): "C", "C": "B", "G": "A", "Q": "B"}
 crank."""
 
 
-Given = Float[np.ndarray, " parameters"]
+ParameterValues = Float[np.ndarray, " parameters"]
 """Numbers of a finger, in the order and the units of its parameters."""
 
 
@@ -228,16 +228,16 @@ class FingerExplorer(Explorer):
         }
         return {**values, **clipped}
 
-    def _numbers(self, values: Values) -> Given:
+    def _numbers(self, values: Values) -> ParameterValues:
         return np.array([values[one.name] for one in self.design.parameters], float)
 
-    def _solved(self, numbers: Given, rows: np.ndarray) -> Swept | None:
+    def _solved(self, numbers: ParameterValues, rows: np.ndarray) -> Swept | None:
         """The linkage in postures of both joints, or of PIP; ``None`` without one."""
         if self._designed.pins is None:
             return None
         return self._sweep(numbers, rows)
 
-    def _scene_at(self, numbers: Given) -> Scene:
+    def _scene_at(self, numbers: ParameterValues) -> Scene:
         """The scene; the last one is kept for when joints alone are turned."""
         if self._scene[0] != (key := numbers.tobytes()):
             self._scene = key, jax.device_put(self._scene_of(numbers))

@@ -173,10 +173,10 @@ def test_a_scene_that_cannot_be_leaves_the_picture():
     explorer = opened("finger")
     values, state = shown(explorer, {})
     ends = {f"mirrors.distal.{end}.{axis}": 20.0 for end in ("from", "to") for axis in "xy"}
-    told = show(explorer, values | ends)
-    assert told.message == "finger: mirrors.0: it has no length; move 'from' or 'to'"
-    assert readouts(told).keys() == readouts(state).keys()
-    assert told.panels == state.panels
+    failed = show(explorer, values | ends)
+    assert failed.message == "finger: mirrors.0: it has no length; move 'from' or 'to'"
+    assert readouts(failed).keys() == readouts(state).keys()
+    assert failed.panels == state.panels
     # Also where the numbers of the last that can be are not computed yet.
     bent = explorer.show(values | {"pip": 60.0})
     left = explorer.show(values | ends | {"pip": 60.0}).numbers()

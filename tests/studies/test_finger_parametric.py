@@ -152,6 +152,10 @@ def missed_by(design, own):
     return shortfalls(design.measures, own, design.requirements)
 
 
+MISSED = {"mu.D2": 0.016, "tip_force": 0.011}
+"""Of scales, what a grid of 15° misses of two worst values; all others it misses by 1 % at most."""
+
+
 def worst(design, found):
     """What counts of every measure."""
     ends = {"least": np.min, "greatest": np.max}
@@ -180,7 +184,7 @@ def test_a_linkage_is_evaluated_as_it_is_judged(linkage):
     for measure in linkage.measures:
         if measure.name not in apart:
             gap = abs(found[measure.name] - own[measure.name])
-            assert gap <= 0.02 * max(measure.scale, 1.0), measure.name
+            assert gap <= MISSED.get(measure.name, 0.01) * max(measure.scale, 1.0), measure.name
     assert 0 < found["pinch_force"] - 5.0 < own["pinch_force"] - 5.0
 
 
@@ -223,7 +227,10 @@ def test_a_coupled_finger_is_judged_by_its_own_requirements():
     found = worst(design, design.evaluate(design.vector(design.values()), tuple(own)))
     for measure in design.measures:
         gap = abs(found[measure.name] - own[measure.name])
-        assert gap <= 0.02 * max(measure.scale, 1.0) or measure.name == "lock_up", measure.name
+        assert (
+            gap <= MISSED.get(measure.name, 0.01) * max(measure.scale, 1.0)
+            or measure.name == "lock_up"
+        ), measure.name
 
 
 @pytest.mark.nightly
