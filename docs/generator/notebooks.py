@@ -29,9 +29,6 @@ QUICK_TO_COMPILE = {
 }
 """What small settings are compiled with: in two thirds of the time, as the tests are."""
 
-LONG = ("calibrate-and-see",)
-"""Tutorials that take minutes with small settings, too: they are run with full ones only."""
-
 ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
 
@@ -106,10 +103,9 @@ def write_tutorials(source: Path, target: Path, *, full: bool, run: bool) -> Non
     """Write a page for every notebook, with its outputs where it is ``run``, two at a time."""
     target.mkdir(parents=True, exist_ok=True)
     paths = sorted(source.glob("*.ipynb"))
-    unrun = {path for path in paths if not full and (not run or path.stem in LONG)}
 
     def read(path: Path) -> nbformat.NotebookNode:
-        return nbformat.read(path, as_version=4) if path in unrun else run_notebook(path)
+        return run_notebook(path) if run else nbformat.read(path, as_version=4)
 
     with environment(full=full), ThreadPoolExecutor(2) as pool:
         notebooks = list(pool.map(read, paths))

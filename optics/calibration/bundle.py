@@ -212,6 +212,7 @@ def _adjusted(
         triangle = _triangle(jnp.column_stack([by_pose, by_lens, weighted(lens, pose, *one)]))
         return triangle[:, -1], triangle[:, :-1]
 
+    @jax.jit  # traced once, in whatever it is called from
     def every_picture(lens: Array, poses: Array) -> tuple[Array, Array]:
         # One after the other: jaxlib factorises a batch in threads, and two batches at a time, of
         # residuals and of slopes, wait for each other's threads for ever.

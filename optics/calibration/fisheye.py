@@ -51,6 +51,7 @@ class Fisheye(eqx.Module):
         """How far before the origin a ray at an angle (rad) from the axis passes it, mm."""
         return shift_pupil(self.pupil_shift, angle)
 
+    @eqx.filter_jit  # the loop would be compiled at every call
     def angles(self, points: Float[Array, "*batch 3"]) -> Float[Array, "*batch"]:
         """Angle from the axis (rad) at which the ray of each point passes the axis.
 
@@ -74,6 +75,7 @@ class Fisheye(eqx.Module):
         # The derivative of one more step, its slope held, is that of the root.
         return step(jax.lax.stop_gradient(near))
 
+    @eqx.filter_jit
     def places(self, points: Float[Array, "*batch 3"]) -> Float[Array, "*batch 2"]:
         """Column and row at which points (mm, camera frame) are imaged."""
         off = _off_axis(points)
@@ -84,6 +86,7 @@ class Fisheye(eqx.Module):
         away = scale[..., None] * points[..., :2]
         return jnp.broadcast_to(self.principal, away.shape) + away
 
+    @eqx.filter_jit
     def rays(
         self, places: Float[Array, "*batch 2"]
     ) -> tuple[Float[Array, "*batch 3"], Float[Array, "*batch"]]:

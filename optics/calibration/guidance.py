@@ -19,6 +19,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
+from scipy.spatial.transform import Rotation
 
 from designopt.fitting import add_information
 from optics.calibration.bundle import POSE, Parameters, lens_of, parameters_of, turn
@@ -163,8 +164,8 @@ class _Board(NamedTuple):
 
 def _boards(lens: CalibratedLens, distances: tuple[float, float, float]) -> Iterator[_Board]:
     """Boards that may be held before the camera."""
-    angles = np.arccos(np.asarray(lens.lens.rays(jnp.asarray(_grid(lens)))[0])[..., 2])
-    widest = min(float(angles.max()), _supposed(lens))
+    rays, _ = lens.lens.rays(jnp.asarray(_grid(lens)[_has_image(lens)]))
+    widest = float(np.arccos(np.asarray(rays)[:, 2]).max())
     directions = [(0.0, 0.0)] + [
         (share * widest, 2 * math.pi * i / AZIMUTHS)
         for share, i in itertools.product(FIELD_SHARES, range(AZIMUTHS))
@@ -173,9 +174,9 @@ def _boards(lens: CalibratedLens, distances: tuple[float, float, float]) -> Iter
     for distance, (angle, azimuth), tilt in itertools.product(distances, directions, tilts):
         # About the axis towards the azimuth, by the angle: the board faces the pupil there.
         about = angle * np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
-        facing = np.asarray(turn(jnp.asarray(about)))
-        tilted = facing @ np.asarray(turn(jnp.asarray(tilt)))
-        yield _Board(tilted, distance * facing[:, 2], distance, angle, float(np.abs(tilt).max()))
+        facing, leaning = Rotation.from_rotvec([about, tilt]).as_matrix()
+        shift, lean = distance * facing[:, 2], float(np.abs(tilt).max())
+        yield _Board(facing @ leaning, shift, distance, angle, lean)
 
 
 def _grid(lens: CalibratedLens) -> Float[np.ndarray, "down along 2"]:
@@ -192,7 +193,7 @@ def _slopes_over_image(
     """
     places = _grid(lens)
     rays, before = map(np.asarray, lens.lens.rays(jnp.asarray(places)))
-    imaged = np.arccos(np.clip(rays[..., 2], -1, 1)) < _supposed(lens)
+    imaged = _has_image(lens)
     points = distance * rays + before[..., None] * np.array([0.0, 0.0, 1.0])
     by_lens, by_motion = map(
         np.asarray,
@@ -239,6 +240,12 @@ def _is_imaged(
     """Whether corners can be found there."""
     within = np.all((places >= MARGIN) & (places <= np.array(lens.size) - 1 - MARGIN), axis=-1)
     return within & (angles < _supposed(lens))
+
+
+def _has_image(lens: CalibratedLens) -> Bool[np.ndarray, "down along"]:
+    """Whether there is an image at the places of the grid: farther out they have no ray."""
+    away = np.linalg.norm(_grid(lens) - np.asarray(lens.lens.principal), axis=-1)
+    return away < float(lens.lens.focal * lens.lens.projection.height(jnp.array(_supposed(lens))))
 
 
 def _supposed(lens: CalibratedLens) -> float:

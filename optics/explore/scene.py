@@ -6,7 +6,7 @@ import cmath
 import dataclasses
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 
 import jax
@@ -47,6 +47,9 @@ SECTION, COVERAGE = "section", "coverage"
 
 SEEN, HIDDEN = "seen", "hidden"
 """Layers of what is seen of the pads and of what is not."""
+
+AXIS, ENDS = "camera axis", " mirror, "
+"""The handle of the camera's direction; what parts a mirror's name from its end, in a handle's."""
 
 COLORS = {SEEN: "#2B7BBA", HIDDEN: "#C26A00"}
 
@@ -181,27 +184,20 @@ class SceneExplorer(Explorer):
         self._numbers = numbers
         return ExplorerState(self._views, numbers)
 
-    def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
-        """As `Explorer.drag`."""
+    def _dragged(self, values: Values, handle: str, place: Place) -> Values:
         scene = self._parameters.scene(values)
-        (names,) = (one.parameters for one in self._handles(scene, values) if one.name == handle)
-        section = Section.of(scene, self._angles(values))
+        section, names = Section.of(scene, self._angles(values)), _parameters(handle)
         layout = scene.layout
-        if names == ("camera.direction",):
+        if handle == AXIS:
             away = complex(*place) - complex(*section.camera.tolist())
             turn = section.axis - float(scene.camera.direction)
             now = values[names[0]]
             turned = math.degrees(cmath.phase(away)) - math.degrees(turn) if away else now
-            moved = {names[0]: now + math.remainder(turned - now, 360.0)}
-        else:
-            mirrors = {f"mirrors.{part.name}": part.frame for part in layout.mirrors}
-            frame = mirrors.get(names[0].rsplit(".", 2)[0], layout.camera_frame)
-            at = _undone(scene, section, frame, self._angles(values), complex(*place))
-            moved = dict(zip(names, (at.real, at.imag), strict=True))
-        ranges = {one.name: (one.low, one.high) for one in self.design.parameters}
-        return {**values} | {
-            name: min(max(value, ranges[name][0]), ranges[name][1]) for name, value in moved.items()
-        }
+            return {names[0]: now + math.remainder(turned - now, 360.0)}
+        mirrors = {part.name: part.frame for part in layout.mirrors}
+        frame = mirrors.get(handle.partition(ENDS)[0], layout.camera_frame)
+        at = _undone(scene, section, frame, self._angles(values), complex(*place))
+        return dict(zip(names, (at.real, at.imag), strict=True))
 
     def _angles(self, values: Values) -> Float[np.ndarray, " joints"]:
         return np.radians(np.array([values[joint.name] for joint in self.joints], float))
@@ -210,28 +206,12 @@ class SceneExplorer(Explorer):
         angles = self._angles(values)
         section = Section.of(scene, angles)
         drawing = draw_scene(scene, section, title=self.design.title)
+        mirrors = [part.name for part in scene.layout.mirrors]
+        handles = optical_handles(drawing, mirrors, _parameters)
         notes = part_notes(scene, drawing)
         if sight is not None:
             drawing = with_light(drawing, scene, angles, section, sight)
-        return View(SECTION, drawing, self._handles(scene, values, drawing), notes)
-
-    def _handles(
-        self, scene: Scene, values: Values, drawing: Drawing | None = None
-    ) -> list[Handle]:
-        """The camera, its axis and the ends of all mirrors."""
-        drawing = drawing or draw_scene(scene, Section.of(scene, self._angles(values)))
-        lines = {line.name: line.places for line in drawing.polylines}
-        camera, toward = lines["optical axis"]
-        handles = [
-            Handle("camera", camera, ("camera.position.x", "camera.position.y")),
-            Handle("camera axis", toward, ("camera.direction",)),
-        ]
-        for part in scene.layout.mirrors:
-            line = lines[f"{part.name} mirror"]
-            for end, place in (("from", line[0]), ("to", line[-1])):
-                names = (f"mirrors.{part.name}.{end}.x", f"mirrors.{part.name}.{end}.y")
-                handles.append(Handle(f"{part.name} mirror, {end}", place, names))
-        return handles
+        return View(SECTION, drawing, handles, notes)
 
     def _notice(self, values: Values) -> None:
         """Which value was moved last, if it was one alone."""
@@ -265,6 +245,34 @@ class SceneExplorer(Explorer):
         states = [{**values, swept.name: place} for place in places]
         numbers = [[state[one.name] for one in self.design.parameters] for state in states]
         return np.array(numbers), np.stack([self._angles(state) for state in states])
+
+
+def optical_handles(
+    drawing: Drawing, mirrors: Sequence[str], parameters: Callable[[str], tuple[str, ...]]
+) -> list[Handle]:
+    """The camera, its axis and the ends of mirrors.
+
+    Args:
+        drawing: of a scene.
+        mirrors: their names.
+        parameters: names of those that dragging a handle of this name changes.
+    """
+    lines = {line.name: line.places for line in drawing.polylines}
+    camera, toward = lines["optical axis"]
+    places = {CAMERA: camera, AXIS: toward}
+    for name in mirrors:
+        line = lines[f"{name} mirror"]
+        places |= {f"{name}{ENDS}from": line[0], f"{name}{ENDS}to": line[-1]}
+    return [Handle(name, place, parameters(name)) for name, place in places.items()]
+
+
+def _parameters(handle: str) -> tuple[str, ...]:
+    """Those of a scene that dragging a handle changes."""
+    if handle == AXIS:
+        return ("camera.direction",)
+    name, _, end = handle.partition(ENDS)
+    stem = f"mirrors.{name}.{end}" if end else "camera.position"
+    return f"{stem}.x", f"{stem}.y"
 
 
 def seen_readouts(layout: Layout, seen: Seen | None) -> list[Readout]:

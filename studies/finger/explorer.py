@@ -29,8 +29,17 @@ from kinematics.export.drawing import draw_linkage, sketched_scene
 from kinematics.model.linkage import Linkage
 from kinematics.plot.scene import Scene as LinkageScene
 from kinematics.solve.poses import solve_poses
-from optics.explore.scene import look_at, pad_notes, part_notes, seen_readouts, with_light
-from optics.export.scene_drawing import CAMERA, draw_scene
+from optics.explore.scene import (
+    AXIS,
+    ENDS,
+    look_at,
+    optical_handles,
+    pad_notes,
+    part_notes,
+    seen_readouts,
+    with_light,
+)
+from optics.export.scene_drawing import draw_scene
 from optics.parametric.scene_measures import Sight, see_in_pose
 from optics.plot.section import Section
 from optics.scene.scene import Scene
@@ -53,8 +62,8 @@ ANGLES, COVERAGE = "transmission angles", "coverage"
 PLACES = 19
 """Angles of a joint for which a chart has values: 5° apart over 90°."""
 
-PIN, AXIS = "pin ", "camera axis"
-"""What the handle of a pin begins with, and that of the camera's tilt."""
+PIN = "pin "
+"""What the handle of a pin begins with."""
 
 ORIGINS = {"E": "F", "D": "C", pin_name("H"): "C", "C": "B", "G": "A", "Q": "B"}
 """The pin or axis of its body about which each pin has turned from the straight finger; K is on the
@@ -131,8 +140,7 @@ class FingerExplorer(Explorer):
         if finger.camera is not None:
             scene = self._scene_at(numbers)
             drawing = draw_scene(scene, Section.of(scene, np.zeros(2)), title=self.design.title)
-            handles = self._optical_handles(drawing)
-            views.append(View(SEEN, drawing, handles, part_notes(scene, drawing)))
+            views.append(View(SEEN, drawing, self._handles(drawing), part_notes(scene, drawing)))
         return views
 
     def show(self, values: Values) -> ExplorerState:
@@ -155,7 +163,7 @@ class FingerExplorer(Explorer):
             scene = self._scene_at(numbers)
             section, sight = Section.of(scene, rows[0]), see_in_pose(scene, rows[0])
             drawing = draw_scene(scene, section, title=self.design.title)
-            handles, notes = self._optical_handles(drawing), part_notes(scene, drawing)
+            handles, notes = self._handles(drawing), part_notes(scene, drawing)
             drawing = with_light(drawing, scene, rows[0], section, sight)
             views.append(View(SEEN, drawing, handles, notes))
             sighted = scene, sight
@@ -208,7 +216,7 @@ class FingerExplorer(Explorer):
             messages += [part for pair in seen.remarks[:1] for part in pair]
         return Numbers(readouts, charts, "; ".join(messages), notes)
 
-    def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
+    def _dragged(self, values: Values, handle: str, place: Place) -> Values:
         """See `Explorer`; what carries the part stays in its pose."""
         numbers, at = self._numbers(values), complex(*place)
         flexion = np.radians([[values[joint.name] for joint in self.joints]])
@@ -217,16 +225,10 @@ class FingerExplorer(Explorer):
             pin = handle.removeprefix(PIN)
             assert swept is not None  # as there are pins
             moved = _straightened(self._designed.kind, swept, pin, at)
-            found = dict(zip(_pin_parameters(pin), (moved.real, moved.imag), strict=True))
-        else:
-            own = swept.dip[0] if swept is not None and swept.ok[0] else 0.0
-            dip = values.get("dip", np.degrees(own))
-            found = self._moved_part(values, float(dip), handle, at)
-        ranges = {one.name: (one.low, one.high) for one in self.design.parameters}
-        clipped = {
-            name: min(max(one, ranges[name][0]), ranges[name][1]) for name, one in found.items()
-        }
-        return {**values, **clipped}
+            return dict(zip(_pin_parameters(pin), (moved.real, moved.imag), strict=True))
+        own = swept.dip[0] if swept is not None and swept.ok[0] else 0.0
+        dip = values.get("dip", np.degrees(own))
+        return self._moved_part(values, float(dip), handle, at)
 
     def _numbers(self, values: Values) -> ParameterValues:
         return np.array([values[one.name] for one in self.design.parameters], float)
@@ -264,15 +266,8 @@ class FingerExplorer(Explorer):
             notes[joint] = f"at ({x:.4g}, {y:.4g}) mm"
         return View(LINKAGE, drawing, handles, notes)
 
-    def _optical_handles(self, drawing: Drawing) -> list[Handle]:
-        """The camera, its axis and the ends of all mirrors."""
-        lines = {line.name: line.places for line in drawing.polylines}
-        camera, toward = lines["optical axis"]
-        places = {CAMERA: camera, AXIS: toward}
-        for name in self._designed.mirror_names:
-            line = lines[f"{name} mirror"]
-            places |= {f"{name} mirror, from": line[0], f"{name} mirror, to": line[-1]}
-        return [Handle(name, place, _part_parameters(name)) for name, place in places.items()]
+    def _handles(self, drawing: Drawing) -> list[Handle]:
+        return optical_handles(drawing, self._designed.mirror_names, _part_parameters)
 
     def _moved_part(self, values: Values, dip: float, handle: str, at: complex) -> dict[str, float]:
         """Coordinates of camera or mirror end in its phalanx, or the tilt, after a drag."""
@@ -280,7 +275,7 @@ class FingerExplorer(Explorer):
         camera, names = finger.camera, _part_parameters(handle)
         assert camera is not None  # of an optical handle
         mirrors = dict(zip(finger.mirror_names, finger.mirrors, strict=True))
-        part = mirrors.get(handle.partition(" mirror, ")[0])
+        part = mirrors.get(handle.partition(ENDS)[0])
         host = camera.phalanx if part is None else part.phalanx
         flexion = {"proximal": values["pip"], "intermediate": 0.0, "distal": dip}[host]
         turn = -OUTWARD[host] * np.radians(flexion)
@@ -368,6 +363,6 @@ def _part_parameters(handle: str) -> tuple[str, ...]:
     """Of the camera, of its axis, or of an end of a mirror."""
     if handle == AXIS:
         return ("camera.tilt",)
-    name, _, end = handle.partition(" mirror, ")
+    name, _, end = handle.partition(ENDS)
     stem = f"mirrors.{name}.{end}" if end else "camera"
     return f"{stem}.along", f"{stem}.depth"

@@ -84,14 +84,13 @@ def catalog_of(
     poses = np.zeros((joints, len(ANGLES), joints))
     for joint in range(joints):
         poses[joint, :, joint] = ANGLES
-    own = find_posed_views(scene, imaging, Fabrication.none(layout), width, poses)
-    generator, made = np.random.default_rng(0), []
-    for _ in range(MADE):
-        numbers = generator.standard_normal(sum(leaf.size for leaf in jax.tree.leaves(deviations)))
-        errors = scale_errors(deviations, jnp.asarray(numbers))
-        one = perturb(scene, errors, carried=carried)
-        camera = eqx.tree_at(lambda imaging: imaging.camera, imaging, one.camera)
-        made.append(find_posed_views(one, camera, errors, width, poses))
+    # The finger without errors is the first of them: all are seen by one program.
+    drawn = np.zeros((1 + MADE, sum(leaf.size for leaf in jax.tree.leaves(deviations))))
+    drawn[1:] = np.random.default_rng(0).standard_normal(drawn[1:].shape)
+    own, *made = (
+        find_posed_views(*_made(scene, imaging, deviations, carried, numbers), width, poses)
+        for numbers in drawn
+    )
     others = PosedViews(*map(np.array, zip(*made, strict=True)))
     together = PosedViews(*(np.concatenate([a[None], b]) for a, b in zip(own, others, strict=True)))
     complete, shown = np.mean(together.whole, axis=0), np.sum(together.seen, axis=0)
@@ -187,6 +186,20 @@ def _bends(
     straight = np.stack([find_straight_corners(one, lens) for one in rays])
     # Seen edge-on a pad has no corners; such a view is too flat to count.
     return np.nan_to_num(straight.reshape(corners.shape) - corners, nan=0.0)
+
+
+@eqx.filter_jit
+def _made(
+    scene: Scene,
+    imaging: Imaging,
+    deviations: Fabrication,
+    carried: Sequence[int],
+    numbers: Float[Array | np.ndarray, " errors"],
+) -> tuple[Scene, Imaging, Fabrication]:
+    """A finger, its camera's image and its errors: so many times their deviations."""
+    errors = scale_errors(deviations, jnp.asarray(numbers))
+    one = perturb(scene, errors, carried=carried)
+    return one, eqx.tree_at(lambda imaging: imaging.camera, imaging, one.camera), errors
 
 
 def find_posed_views(

@@ -95,6 +95,7 @@ class Predictor(eqx.Module):
     carried: tuple[int, ...] = eqx.field(static=True)
     channel: int = eqx.field(static=True, default=GREEN)
 
+    @eqx.filter_jit  # a search predicts in many places: they are traced once
     def __call__(
         self, errors: Float[Array, " errors"], angles: Float[Array, " joints"]
     ) -> Float[Array, "views 4 2"]:

@@ -20,8 +20,9 @@ import numpy as np
 from tests.designopt.explore.served import driven_browser
 
 MOVES = 150
-PAUSE = 0.03
-"""Seconds between two moves of the pointer, so that the page is idle before each."""
+PAUSE = 0.06
+"""Seconds between two moves of the pointer: with charts and numbers, which come after the picture,
+the page is idle before each."""
 
 TIMES = "performance.getEntriesByName('change to picture').map((one) => one.duration)"
 

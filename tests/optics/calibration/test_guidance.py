@@ -78,6 +78,18 @@ def test_deviations_are_the_scatter_of_fits_without_a_motion_of_the_camera():
     assert np.corrcoef(np.log(scatter), np.log(predicted))[0, 1] > 0.8
 
 
+def test_deviations_are_of_the_image_alone():
+    # Its slope ends at 85°, 348 px from the middle: the image's sides lie farther out.
+    lens = lens_of(jnp.array([350.0, *LENS.middle, -0.15, 0.0, 0.0]))
+    covariance = np.diag([1.0, 0.1, 0.1, 1e-4, 0.0, 0.0])
+    calibrated = CalibratedLens(lens, LENS.size, covariance, NOISE, 0, 1.4, (18, 45), 4)
+    found = predict_deviations(calibrated, DISTANCE)
+    away = np.linalg.norm(found.places - LENS.middle, axis=-1)
+    assert np.array_equal(np.isfinite(found.deviations), away < 347.6)
+    imaged = jnp.asarray(found.places[away < 347.6])
+    assert np.allclose(lens.places(DISTANCE * lens.rays(imaged)[0]), imaged, atol=1e-6)
+
+
 def test_suggested_pictures_lower_the_deviations_as_predicted(few):
     fit, _, _ = few
     first_map = predict_deviations(fit.calibrated, DISTANCE)
