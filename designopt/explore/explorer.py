@@ -147,6 +147,7 @@ class Explorer(abc.ABC):
     def show(self, values: Values) -> ExplorerState:
         """What these values give. Never raises for values inside their ranges."""
 
+    @abc.abstractmethod
     def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
         """The values with which a handle is at a place, or as near as their ranges let it.
 
@@ -155,15 +156,6 @@ class Explorer(abc.ABC):
             handle: its name.
             place: in the coordinates of its view, mm.
         """
-        ranges = {one.name: (one.low, one.high) for one in (*self.joints, *self.design.parameters)}
-        moved = self._dragged(values, handle, place)
-        return {**values} | {
-            name: min(max(value, ranges[name][0]), ranges[name][1]) for name, value in moved.items()
-        }
-
-    @abc.abstractmethod
-    def _dragged(self, values: Values, handle: str, place: Place) -> Values:
-        """What changes with a handle, which may leave its range."""
 
     def values(self) -> dict[str, float]:
         """Those that are shown first."""

@@ -67,7 +67,7 @@ class Dragging:
         joint: str,
         place: Place,
     ) -> dict[str, float]:
-        """What changes when a joint goes to a place, or as near as lines let it.
+        """What changes when a joint goes to a place, or as near as ranges and lines let it.
 
         Args:
             values: of all inputs and distances, as shown.
@@ -80,7 +80,8 @@ class Dragging:
         moved = {**joints, joint: self._nearest(joints, scene, joint, complex(*place))}
         found = {}
         for distance, parameter in self._own(joint):
-            found[parameter.name] = abs(_between(distance, moved))
+            length = abs(_between(distance, moved))
+            found[parameter.name] = min(max(length, parameter.low), parameter.high)
         for column, parameter in enumerate(inputs):
             if parameter.name in self._movable[joint]:
                 change = self._measured(column, moved, scene) - self._measured(
@@ -89,7 +90,7 @@ class Dragging:
                 if self._design.poses.turning[column]:
                     change = math.remainder(change, 2 * math.pi)
                 value = values[parameter.name] + self._design.shown(column, change)
-                found[parameter.name] = _within_turn(parameter, value)
+                found[parameter.name] = _inside(parameter, value)
         return found
 
     def _own(self, joint: str) -> list[tuple[Distance, Parameter]]:
@@ -204,8 +205,8 @@ def _on_side(point: complex, along: complex, side: float) -> Callable[[complex],
     return project
 
 
-def _within_turn(parameter: Parameter, value: float) -> float:
-    """A value that a range of a full turn holds, by whole turns."""
+def _inside(parameter: Parameter, value: float) -> float:
+    """A value within a range, of a full turn by whole turns."""
     if parameter.unit == "°" and parameter.high - parameter.low >= 360.0:
-        return parameter.low + (value - parameter.low) % 360.0
-    return value
+        value = parameter.low + (value - parameter.low) % 360.0
+    return min(max(value, parameter.low), parameter.high)

@@ -100,17 +100,17 @@ class LinkageExplorer(Explorer):
         matter = "" if sweep.ok else self._matter(sweep)
         return ExplorerState([self._pose(sweep)], self._numbers(inputs, sweep, matter))
 
-    def _dragged(self, values: Values, handle: str, place: Place) -> Values:
+    def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
         """See `Explorer`; all other joints stay where they are, as far as that is possible."""
         joint = self._dragging.joint(handle)
         distances = self.design.distances(values)
         if joint is None or self.design.dimensions.broken(distances.tolist()):
-            return {}
+            return dict(values)
         pose = self._poses.solve(distances, self._inputs(values)[None])
         if not pose.ok[0]:
-            return {}
+            return dict(values)
         scene = self._poses.scene(pose, 0)
-        return self._dragging.values(values, self.joints, scene, joint, place)
+        return {**values, **self._dragging.values(values, self.joints, scene, joint, place)}
 
     def _inputs(self, values: Values) -> np.ndarray:
         names = enumerate(part.name for part in self._structure.inputs)

@@ -126,7 +126,8 @@ class ChamberExplorer(Explorer):
         numbers = Numbers(_readouts(look, ratio), [self._line], message)
         return ExplorerState(self._views, lambda: numbers)
 
-    def _dragged(self, values: Values, handle: str, place: Place) -> Values:
+    def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
+        """As `Explorer.drag`."""
         found = {**values}
         x, y = place
         if handle == "A":

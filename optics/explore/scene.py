@@ -184,7 +184,8 @@ class SceneExplorer(Explorer):
         self._numbers = numbers
         return ExplorerState(self._views, numbers)
 
-    def _dragged(self, values: Values, handle: str, place: Place) -> Values:
+    def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
+        """As `Explorer.drag`; a handle that is none of the scene's changes nothing."""
         scene = self._parameters.scene(values)
         section, names = Section.of(scene, self._angles(values)), _parameters(handle)
         layout = scene.layout
@@ -193,11 +194,18 @@ class SceneExplorer(Explorer):
             turn = section.axis - float(scene.camera.direction)
             now = values[names[0]]
             turned = math.degrees(cmath.phase(away)) - math.degrees(turn) if away else now
-            return {names[0]: now + math.remainder(turned - now, 360.0)}
-        mirrors = {part.name: part.frame for part in layout.mirrors}
-        frame = mirrors.get(handle.partition(ENDS)[0], layout.camera_frame)
-        at = _undone(scene, section, frame, self._angles(values), complex(*place))
-        return dict(zip(names, (at.real, at.imag), strict=True))
+            moved = {names[0]: now + math.remainder(turned - now, 360.0)}
+        else:
+            frames = {part.name: part.frame for part in layout.mirrors}
+            frame = frames.get(handle.rpartition(ENDS)[0], layout.camera_frame)
+            at = _undone(scene, section, frame, self._angles(values), complex(*place))
+            moved = dict(zip(names, (at.real, at.imag), strict=True))
+        ranges = {one.name: (one.low, one.high) for one in self.design.parameters}
+        return {**values} | {
+            name: min(max(value, ranges[name][0]), ranges[name][1])
+            for name, value in moved.items()
+            if name in ranges
+        }
 
     def _angles(self, values: Values) -> Float[np.ndarray, " joints"]:
         return np.radians(np.array([values[joint.name] for joint in self.joints], float))
@@ -270,8 +278,8 @@ def _parameters(handle: str) -> tuple[str, ...]:
     """Those of a scene that dragging a handle changes."""
     if handle == AXIS:
         return ("camera.direction",)
-    name, _, end = handle.partition(ENDS)
-    stem = f"mirrors.{name}.{end}" if end else "camera.position"
+    name, _, end = handle.rpartition(ENDS)
+    stem = f"mirrors.{name}.{end}" if name else f"{handle}.position"
     return f"{stem}.x", f"{stem}.y"
 
 

@@ -216,7 +216,7 @@ class FingerExplorer(Explorer):
             messages += [part for pair in seen.remarks[:1] for part in pair]
         return Numbers(readouts, charts, "; ".join(messages), notes)
 
-    def _dragged(self, values: Values, handle: str, place: Place) -> Values:
+    def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
         """See `Explorer`; what carries the part stays in its pose."""
         numbers, at = self._numbers(values), complex(*place)
         flexion = np.radians([[values[joint.name] for joint in self.joints]])
@@ -225,10 +225,16 @@ class FingerExplorer(Explorer):
             pin = handle.removeprefix(PIN)
             assert swept is not None  # as there are pins
             moved = _straightened(self._designed.kind, swept, pin, at)
-            return dict(zip(_pin_parameters(pin), (moved.real, moved.imag), strict=True))
-        own = swept.dip[0] if swept is not None and swept.ok[0] else 0.0
-        dip = values.get("dip", np.degrees(own))
-        return self._moved_part(values, float(dip), handle, at)
+            found = dict(zip(_pin_parameters(pin), (moved.real, moved.imag), strict=True))
+        else:
+            own = swept.dip[0] if swept is not None and swept.ok[0] else 0.0
+            dip = values.get("dip", np.degrees(own))
+            found = self._moved_part(values, float(dip), handle, at)
+        ranges = {one.name: (one.low, one.high) for one in self.design.parameters}
+        clipped = {
+            name: min(max(one, ranges[name][0]), ranges[name][1]) for name, one in found.items()
+        }
+        return {**values, **clipped}
 
     def _numbers(self, values: Values) -> ParameterValues:
         return np.array([values[one.name] for one in self.design.parameters], float)
@@ -275,7 +281,7 @@ class FingerExplorer(Explorer):
         camera, names = finger.camera, _part_parameters(handle)
         assert camera is not None  # of an optical handle
         mirrors = dict(zip(finger.mirror_names, finger.mirrors, strict=True))
-        part = mirrors.get(handle.partition(ENDS)[0])
+        part = mirrors.get(handle.rpartition(ENDS)[0])
         host = camera.phalanx if part is None else part.phalanx
         flexion = {"proximal": values["pip"], "intermediate": 0.0, "distal": dip}[host]
         turn = -OUTWARD[host] * np.radians(flexion)
@@ -363,6 +369,6 @@ def _part_parameters(handle: str) -> tuple[str, ...]:
     """Of the camera, of its axis, or of an end of a mirror."""
     if handle == AXIS:
         return ("camera.tilt",)
-    name, _, end = handle.partition(ENDS)
-    stem = f"mirrors.{name}.{end}" if end else "camera"
+    name, _, end = handle.rpartition(ENDS)
+    stem = f"mirrors.{name}.{end}" if name else "camera"
     return f"{stem}.along", f"{stem}.depth"

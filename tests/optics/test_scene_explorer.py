@@ -215,6 +215,18 @@ def test_a_dragged_end_goes_where_it_is_dragged_in_any_pose(handle):
         assert one.low <= far[one.name] <= one.high
 
 
+def test_a_mirror_is_dragged_whatever_its_name_is(tmp_path):
+    path, name = tmp_path / "named.toml", "a mirror, b"
+    path.write_text((SCENES / "periscope.toml").read_text().replace('"lower"', f'"{name}"'))
+    explorer = SceneExplorer(DesignedScene.read(path))
+    values = explorer.values()
+    found = explorer.drag(values, f"{name} mirror, to", (120.0, 20.0))
+    ends = {f"mirrors.{name}.to.x": 120.0, f"mirrors.{name}.to.y": 20.0}
+    assert found == pytest.approx({**values, **ends})
+    assert explorer.drag(values, "another mirror, to", (120.0, 20.0)) == values
+    assert explorer.drag(values, "lens", (120.0, 20.0)) == values
+
+
 def test_the_dragged_axis_turns_the_camera():
     explorer = opened("finger")
     values = explorer.values()

@@ -145,12 +145,12 @@ class SliderCrank(Explorer):
         )
         return ExplorerState([self.view(values)], lambda: numbers)
 
-    def _dragged(self, values: Values, handle: str, place: Place) -> Values:
+    def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
         if handle == "slider":
             tip = draw(values, self.name).polylines[1].places[1]
-            return {"rod": math.hypot(place[0] - tip[0], values["offset"] - tip[1])}
+            return {**values, "rod": math.hypot(place[0] - tip[0], values["offset"] - tip[1])}
         angle = math.degrees(math.atan2(place[1], place[0])) % 360
-        return {"crank": angle, "radius": math.hypot(*place)}
+        return {**values, "crank": angle, "radius": min(max(math.hypot(*place), 10.0), 80.0)}
 
 
 @dataclass(frozen=True)

@@ -4,15 +4,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from designopt.fitting import add_information
 from optics.calibration import CalibratedLens
-from optics.calibration.bundle import Poses, Prior, Sightings, adjust, lens_of
+from optics.calibration.bundle import Poses, Prior, Sightings, adjust, lens_of, parameters_of
 from optics.calibration.guidance import (
     GRID,
     _board_slopes,
+    _boards,
     _information,
+    _slopes,
     predict_deviations,
     suggest_pictures,
 )
@@ -78,16 +81,43 @@ def test_deviations_are_the_scatter_of_fits_without_a_motion_of_the_camera():
     assert np.corrcoef(np.log(scatter), np.log(predicted))[0, 1] > 0.8
 
 
-def test_deviations_are_of_the_image_alone():
-    # Its slope ends at 85°, 348 px from the middle: the image's sides lie farther out.
-    lens = lens_of(jnp.array([350.0, *LENS.middle, -0.15, 0.0, 0.0]))
-    covariance = np.diag([1.0, 0.1, 0.1, 1e-4, 0.0, 0.0])
-    calibrated = CalibratedLens(lens, LENS.size, covariance, NOISE, 0, 1.4, (18, 45), 4)
+@pytest.mark.parametrize(
+    "coefficients",
+    # Heights that end to rise at 85°, 348 px from the middle; and at 105°, to where Newton's method
+    # from r/f does not lead.
+    [(-0.15, 0.0, 0.0, 0.0), (1 / 12, 1 / 120, 0.0, -0.002)],
+)
+def test_deviations_and_boards_are_of_the_image_alone(coefficients):
+    lens = lens_of(jnp.array([300.0, *LENS.middle, *coefficients, 0.0, 0.0]))
+    calibrated = CalibratedLens(
+        lens, LENS.size, np.diag([1.0, 0.1, 0.1, *6 * [1e-4]]), NOISE, 0, 1.4, (18, 45), 4
+    )
     found = predict_deviations(calibrated, DISTANCE)
+    # Its rays by a search that keeps to where the height rises.
+    most = 0.999 * lens.projection.widest
+    widest = min(1.15 * 1.4, most)
+
+    def height(angle):
+        return 300.0 * float(lens.projection.height(jnp.array(angle)))
+
     away = np.linalg.norm(found.places - LENS.middle, axis=-1)
-    assert np.array_equal(np.isfinite(found.deviations), away < 347.6)
-    imaged = jnp.asarray(found.places[away < 347.6])
-    assert np.allclose(lens.places(DISTANCE * lens.rays(imaged)[0]), imaged, atol=1e-6)
+    imaged = away <= height(widest)
+    assert 0.2 < np.mean(imaged) < 1
+    assert np.array_equal(np.isfinite(found.deviations), imaged)
+    angles = np.array([brentq(lambda a, r=r: height(a) - r, 0, widest) for r in away[imaged]])
+    assert np.array_equal(found.reached[imaged], angles <= 1.4)
+    outwards = (found.places[imaged] - LENS.middle) / away[imaged][:, None]
+    points = DISTANCE * np.column_stack([np.sin(angles)[:, None] * outwards, np.cos(angles)])
+    by_lens, by_motion = map(
+        np.asarray, _slopes(jnp.asarray(parameters_of(lens)), jnp.asarray(points))
+    )
+    basis = np.linalg.qr(by_motion.reshape(-1, 6) / np.linalg.norm(by_motion, axis=(0, 1)))[0]
+    flat = by_lens.reshape(-1, by_lens.shape[-1])
+    left = (flat - basis @ (basis.T @ flat)).reshape(by_lens.shape)
+    variances = np.einsum("nci,ij,ncj->n", left, calibrated.covariance, left) / 2
+    assert np.allclose(found.deviations[imaged], np.sqrt(variances), rtol=1e-4)
+    boards = list(_boards(calibrated, (15.0, 30.0, 60.0)))
+    assert max(one.angle for one in boards) <= 0.95 * widest + 1e-9
 
 
 def test_suggested_pictures_lower_the_deviations_as_predicted(few):
