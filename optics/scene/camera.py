@@ -18,9 +18,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.numerics import as_float, optional_float, safe_divide
-from designopt.roots import find_root
 from optics.scene.camera_module import CameraModule
 from optics.scene.thin_lens import ThinLens
+
+TABLE, NEWTON_STEPS = 128, 12
+"""Angles from 0 to 180° from which an image height is inverted, and steps from there. Each squares
+what is left; where the image stops to grow it halves it."""
 
 
 class Projection(eqx.Module):
@@ -181,16 +184,34 @@ class KannalaBrandt(Projection):
         return _polynomial([1.0, *slopes], angle * angle)
 
     def angle(self, height: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
-        """As `Projection.angle`."""
+        """As `Projection.angle`, by Newton's method; about `widest` of heights above all.
 
-        def residual(angle: Float[Array, ""], args: tuple[KannalaBrandt, Array]) -> Array:
-            projection, wanted = args
-            return projection.height(angle) - wanted
+        It begins at the next lower angle of a table that ends where the image stops to grow: begun
+        elsewhere it may lead to where the polynomial has the same height once more, or nowhere.
+        """
+        sign = jnp.where(height < 0, -1, 1).astype(height.dtype)
+        fixed, wanted = jax.lax.stop_gradient((self, sign * height))
+        table = jnp.linspace(0.0, jnp.pi, TABLE, dtype=height.dtype)
+        grows = jnp.cumprod(fixed.slope(table) > 0)
+        heights = jnp.where(grows > 0, fixed.height(table), jnp.inf)
+        start = table[jnp.searchsorted(heights, wanted, side="right") - 1]
+        end = table[jnp.minimum(jnp.sum(grows), TABLE - 1)]
 
-        def inverse(wanted: Float[Array, ""]) -> Float[Array, ""]:
-            return find_root(residual, wanted, (self, wanted)).value
+        def closer(projection: KannalaBrandt, angle: Array, wanted: Array) -> Array:
+            off, _ = safe_divide(projection.height(angle) - wanted, projection.slope(angle))
+            return angle - off
 
-        return jax.vmap(inverse)(height.reshape(-1)).reshape(height.shape)
+        near = jax.lax.fori_loop(
+            0,
+            NEWTON_STEPS,
+            lambda _, angle: jnp.clip(closer(fixed, angle, wanted), start, end),
+            start,
+        )
+        # Each step from a root, which has no derivatives, makes those of one order more right.
+        angle = near
+        for _ in range(2):
+            angle = closer(self, angle, sign * height)
+        return sign * jnp.where(jnp.abs(angle - near) < table[1], angle, near)
 
 
 def _polynomial(

@@ -102,6 +102,32 @@ def test_angles_invert_heights_and_pixels(projection):
     assert looked(eye, jnp.full(angles.shape, 320.0))[0] == 0
 
 
+@pytest.mark.parametrize(
+    "coefficients",
+    # Of images that stop to grow: nearly stereographic ones, where Newton's method from r/f leads
+    # elsewhere, one with a dip in its slope, and one that ends at half a right angle.
+    [
+        (1 / 12, 1 / 120, 0.0, -0.002),
+        (0.0503, 0.0396, -0.0025, -0.0043),
+        (0.0788, 0.0338, 0.0011, -0.0057),
+        (-0.2, 0.09, -0.012, 0.0001),
+        (-0.55, 0.0, 0.0, 0.0),
+    ],
+)
+def test_angles_are_inside_the_image_of_a_lens_that_ends(coefficients):
+    projection = KannalaBrandt(jnp.array(coefficients))
+    widest = projection.widest
+    angles = widest * np.concatenate([np.linspace(-1, 1, 81)[1:-1], [0.999, -0.9999]])
+    heights = np.polynomial.Polynomial([1.0, *coefficients])(angles**2) * angles
+    assert projection.angle(jnp.array(heights)) == pytest.approx(angles, abs=1e-11)
+    beyond = projection.angle(jnp.array([1.01, -3.0]) * heights.max())
+    assert np.abs(beyond) == pytest.approx(widest, abs=np.pi / 60)
+    for angle, height in zip(angles[[3, 40, -4]], heights[[3, 40, -4]], strict=True):
+        near = angle + np.array([-1e-6, 1e-6])
+        low, high = np.polynomial.Polynomial([1.0, *coefficients])(near**2) * near
+        assert jax.grad(projection.angle)(height) == pytest.approx(2e-6 / (high - low), rel=1e-6)
+
+
 @every_projection
 def test_the_field_of_view_fills_the_image(projection):
     """Pixels grow clockwise."""
