@@ -28,9 +28,6 @@ from optics.calibration.calibrated import CalibratedLens
 GRID = (32, 24)
 """Places along and down the image at which deviations are predicted."""
 
-FINE = 20_000
-"""Angles in a table of image heights."""
-
 FIELD_SHARES = (0.35, 0.6, 0.8, 0.95)
 """Where boards are tried beside the axis: the angle of their middle from it, as a part of the
 widest angle in the image."""
@@ -106,7 +103,9 @@ def predict_deviations(lens: CalibratedLens, distance: float) -> DeviationMap:
     variances = np.einsum("nci,ij,ncj->n", slopes, lens.covariance, slopes) / 2
     deviations = np.full(places.shape[:2], np.nan)
     deviations[np.isfinite(places[..., 0])] = np.sqrt(np.maximum(variances, 0.0))
-    return DeviationMap(_grid(lens), deviations, _angles_over_image(lens) <= lens.widest)
+    rays, _ = lens.lens.rays(jnp.asarray(_grid(lens)))
+    reached = np.arccos(np.asarray(rays)[..., 2]) <= lens.widest
+    return DeviationMap(_grid(lens), deviations, reached & np.isfinite(deviations))
 
 
 def suggest_pictures(
@@ -165,7 +164,8 @@ class _Board(NamedTuple):
 
 def _boards(lens: CalibratedLens, distances: tuple[float, float, float]) -> Iterator[_Board]:
     """Boards that may be held before the camera."""
-    widest = float(np.nanmax(_angles_over_image(lens)))
+    rays, _ = lens.lens.rays(jnp.asarray(_grid(lens)))
+    widest = float(np.arccos(np.asarray(rays)[..., 2][_has_image(lens)]).max())
     directions = [(0.0, 0.0)] + [
         (share * widest, 2 * math.pi * i / AZIMUTHS)
         for share, i in itertools.product(FIELD_SHARES, range(AZIMUTHS))
@@ -191,13 +191,10 @@ def _slopes_over_image(
 
     What a motion of the camera does to all places together is taken out.
     """
-    places, angles = _grid(lens), _angles_over_image(lens)
-    imaged = np.isfinite(angles)
-    angle, away = angles[imaged], places[imaged] - np.asarray(lens.lens.principal)
-    outwards = away / np.maximum(np.linalg.norm(away, axis=1), 1e-9)[:, None]
-    along = distance * np.cos(angle) + np.asarray(lens.lens.shift(jnp.asarray(angle)))
-    points = np.column_stack([distance * np.sin(angle)[:, None] * outwards, along])
-    given = parameters_of(lens.lens), points
+    places, imaged = _grid(lens), _has_image(lens)
+    rays, before = map(np.asarray, lens.lens.rays(jnp.asarray(places)))
+    points = distance * rays + before[..., None] * np.array([0.0, 0.0, 1.0])
+    given = parameters_of(lens.lens), points[imaged]
     by_lens, by_motion = map(np.asarray, _slopes(*map(jnp.asarray, given)))
     columns = by_motion.reshape(-1, POSE)
     basis = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
@@ -242,13 +239,10 @@ def _is_imaged(
     return within & (angles < _supposed(lens))
 
 
-def _angles_over_image(lens: CalibratedLens) -> Float[np.ndarray, "down along"]:
-    """Angle from the axis (rad) of what the places of the grid show; NaN where that is nothing."""
-    # By a table: a search may end where the height falls again, and beyond it there is no angle.
-    angles = np.linspace(0.0, _supposed(lens), FINE)
-    heights = lens.lens.focal * lens.lens.projection.height(jnp.asarray(angles))
+def _has_image(lens: CalibratedLens) -> Bool[np.ndarray, "down along"]:
+    """Whether anything is imaged at the places of the grid: farther out they have no ray."""
     away = np.linalg.norm(_grid(lens) - np.asarray(lens.lens.principal), axis=-1)
-    return np.interp(away, np.asarray(heights), angles, right=np.nan)
+    return away <= float(lens.lens.focal * lens.lens.projection.height(jnp.array(_supposed(lens))))
 
 
 def _supposed(lens: CalibratedLens) -> float:

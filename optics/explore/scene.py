@@ -187,7 +187,7 @@ class SceneExplorer(Explorer):
     def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
         """As `Explorer.drag`; a handle that is none of the scene's changes nothing."""
         scene = self._parameters.scene(values)
-        section, names = Section.of(scene, self._angles(values)), _parameters(handle)
+        section, names = Section.of(scene, self._angles(values)), _part_parameters(handle)
         layout = scene.layout
         if handle == AXIS:
             away = complex(*place) - complex(*section.camera.tolist())
@@ -215,7 +215,7 @@ class SceneExplorer(Explorer):
         section = Section.of(scene, angles)
         drawing = draw_scene(scene, section, title=self.design.title)
         mirrors = [part.name for part in scene.layout.mirrors]
-        handles = optical_handles(drawing, mirrors, _parameters)
+        handles = optical_handles(drawing, mirrors, _part_parameters)
         notes = part_notes(scene, drawing)
         if sight is not None:
             drawing = with_light(drawing, scene, angles, section, sight)
@@ -274,7 +274,7 @@ def optical_handles(
     return [Handle(name, place, parameters(name)) for name, place in places.items()]
 
 
-def _parameters(handle: str) -> tuple[str, ...]:
+def _part_parameters(handle: str) -> tuple[str, ...]:
     """Those of a scene that dragging a handle changes."""
     if handle == AXIS:
         return ("camera.direction",)

@@ -83,7 +83,7 @@ def test_deviations_are_the_scatter_of_fits_without_a_motion_of_the_camera():
 
 @pytest.mark.parametrize(
     "coefficients",
-    # Heights that end to rise at 85°, 348 px from the middle; and at 105°, to where Newton's method
+    # Heights that end to rise at 85°, 298 px from the middle; and at 105°, to where Newton's method
     # from r/f does not lead.
     [(-0.15, 0.0, 0.0, 0.0), (1 / 12, 1 / 120, 0.0, -0.002)],
 )
