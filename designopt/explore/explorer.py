@@ -123,6 +123,15 @@ class ExplorerState(NamedTuple):
     numbers: Callable[[], Numbers]
 
 
+def inside_ranges(parameters: Sequence[Parameter], values: Values) -> dict[str, float]:
+    """The values that are those of parameters, each inside its range."""
+    return {
+        one.name: min(max(values[one.name], one.low), one.high)
+        for one in parameters
+        if one.name in values
+    }
+
+
 class Explorer(abc.ABC):
     """A design with joints to turn and dimensions to change.
 

@@ -20,6 +20,7 @@ from designopt.explore.explorer import (
     Readout,
     Series,
     View,
+    inside_ranges,
     number_text,
 )
 from designopt.export.drawing import Place
@@ -104,10 +105,11 @@ class ChamberExplorer(Explorer):
             design: the chamber.
         """
         self.design = self._parameters = ChamberParameters(design)
-        self._ranges = {one.name: (one.low, one.high) for one in self.design.parameters}
+        ranges = {one.name: (one.low, one.high) for one in self.design.parameters}
+        self._ratios = ranges["imaging_ratio"]
         self._designed = design.chamber
         ratio = self.values()["imaging_ratio"]
-        line = _line(self._ranges["imaging_ratio"], None, float(design.chamber.offset_a), ratio)
+        line = _line(self._ratios, None, float(design.chamber.offset_a), ratio)
         self._views, self._line = self.sketch(), line
 
     def sketch(self) -> Sequence[View]:
@@ -116,12 +118,13 @@ class ChamberExplorer(Explorer):
 
     def show(self, values: Values) -> ExplorerState:
         """The chamber at these values; where there is none, the picture stays that of the last."""
-        ratios = self._ranges["imaging_ratio"]
-        look = look_at(self._parameters.vector(values), jnp.asarray(ratios, float))
+        look = look_at(self._parameters.vector(values), jnp.asarray(self._ratios, float))
         ratio, message = values["imaging_ratio"], look.solved.messages()[0]
         if bool(look.solved.ok):
             self._views = self._drawn(look.chamber, _wall_notes(look), _ring_notes(look))
-            self._line = _line(ratios, look.line.tolist(), float(look.chamber.offset_a), ratio)
+            self._line = _line(
+                self._ratios, look.line.tolist(), float(look.chamber.offset_a), ratio
+            )
             message = _remark(look.chamber)
         numbers = Numbers(_readouts(look, ratio), [self._line], message)
         return ExplorerState(self._views, lambda: numbers)
@@ -150,9 +153,7 @@ class ChamberExplorer(Explorer):
 
     def _set(self, found: dict[str, float], **moved: float) -> None:
         """Change values, inside their ranges."""
-        for name, value in moved.items():
-            low, high = self._ranges[name]
-            found[name] = min(max(value, low), high)
+        found |= inside_ranges(self.design.parameters, moved)
 
     def _drawn(
         self, chamber: Chamber, walls: dict[str, str], rings: dict[str, str]

@@ -8,6 +8,7 @@ import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -23,15 +24,16 @@ from designopt.explore.explorer import (
     Readout,
     Series,
     View,
+    inside_ranges,
     number_text,
 )
 from designopt.export.drawing import Drawing, Label, Layer, Place, Polyline
 from designopt.optimize.parametric import Parameter, Values
 from designopt.programs import Program
-from optics.export.scene_drawing import CAMERA, draw_scene, draw_views
+from optics.export.scene_drawing import CAMERA, draw_scene, draw_views, trace_outlines
 from optics.parametric.scene import SceneParameters, scene_at
-from optics.parametric.scene_measures import Sight, see_in_pose, sharpness_of
-from optics.plot.section import Section
+from optics.parametric.scene_measures import Sight, see, see_pieces, sharpness_of
+from optics.plot.section import Angles, Section, Traced, place_parts
 from optics.scene.designed import DesignedScene
 from optics.scene.scene import WORLD, Layout, Scene
 from optics.visibility.coverage import find_coverage
@@ -55,6 +57,28 @@ COLORS = {SEEN: "#2B7BBA", HIDDEN: "#C26A00"}
 
 PLACES = 61
 """Places over a parameter's range at which coverage is computed."""
+
+
+class Picture(NamedTuple):
+    """What is drawn of a scene in one pose.
+
+    Attributes:
+        parts: by `place_parts`.
+        sight: by `see_pieces`.
+        traced: by `trace_outlines`.
+    """
+
+    parts: tuple[Array | np.ndarray, ...]
+    sight: Sight
+    traced: Traced | None
+
+
+@Program
+def picture_of(scene: Scene, angles: Float[Array, " joints"]) -> Picture:
+    """What is drawn of a scene at joint angles in rad: of one program, for a move waits for it."""
+    sight = see_pieces(scene, angles)
+    traced = trace_outlines(scene, angles, sight.found.value)
+    return Picture(place_parts(scene, angles), sight, traced)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,17 +105,23 @@ class Seen:
         return self.sharpness.px_per_mm[0]
 
 
-def look_at(scene: Scene, angles: Float[np.ndarray, " joints"], sight: Sight) -> Seen:
+def look_at(scene: Scene, angles: Angles, sight: Sight) -> Seen:
     """How sharply what is seen of a scene is seen, and why not more is.
 
     Args:
         scene: the scene, with pads.
         angles: joint angles, rad.
-        sight: what is seen there, by `see_in_pose`.
+        sight: what is seen there, by `see_pieces`.
     """
+    if not scene.layout.curved:
+        if np.all(sight.coverage > 0):
+            see.expect(scene, angles)
+        else:  # by what is a pad missed?
+            sight = see(scene, angles)
     coverage, redundancy, missed = map(np.asarray, sight[1:])
     several = jax.tree.map(lambda leaf: leaf[None], sight.found)
     bounces = scene.layout.bounces
+    angles = np.asarray(angles)
     sharpness = sharpness_of(scene, angles[None], several.value)
     trace = SceneTrace(
         scene,
@@ -152,7 +182,8 @@ class SceneExplorer(Explorer):
 
     def sketch(self) -> Sequence[View]:
         """The section as it is in the file."""
-        return [self._view(self._scene, self.values(), None)]
+        section = Section.of(self._scene, self._angles(self.values()))
+        return [scene_view(SECTION, self.design.title, self._scene, section, _part_parameters)]
 
     def show(self, values: Values) -> ExplorerState:
         """Light by path, pads by what is seen of them, coverage over what was turned last.
@@ -168,12 +199,14 @@ class SceneExplorer(Explorer):
             return ExplorerState(self._views, lambda: dataclasses.replace(last(), **nothing))
         self._notice(values)
         angles, swept = self._angles(values), self._swept
-        sight = see_in_pose(scene, angles)
-        self._views = [self._view(scene, values, sight)]
+        picture = picture_of(scene, angles)
+        section = Section.made_of(scene, picture.parts)
+        title, owned = self.design.title, _part_parameters
+        self._views = [scene_view(SECTION, title, scene, section, owned, picture)]
 
         @functools.cache
         def numbers() -> Numbers:
-            seen, message = look_at(scene, angles, sight), ""
+            seen, message = look_at(scene, angles, picture.sight), ""
             if seen.remarks:
                 (what, why), *others = seen.remarks
                 message = "; ".join([what, why, *(more for more, _ in others)])
@@ -186,9 +219,8 @@ class SceneExplorer(Explorer):
 
     def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
         """As `Explorer.drag`; a handle that is none of the scene's changes nothing."""
-        scene = self._parameters.scene(values)
-        section, names = Section.of(scene, self._angles(values)), _part_parameters(handle)
-        layout = scene.layout
+        scene, angles = self._parameters.scene(values), self._angles(values)
+        section, names = Section.of(scene, angles), _part_parameters(handle)
         if handle == AXIS:
             away = complex(*place) - complex(*section.camera.tolist())
             turn = section.axis - float(scene.camera.direction)
@@ -196,30 +228,12 @@ class SceneExplorer(Explorer):
             turned = math.degrees(cmath.phase(away)) - math.degrees(turn) if away else now
             moved = {names[0]: now + math.remainder(turned - now, 360.0)}
         else:
-            frames = {part.name: part.frame for part in layout.mirrors}
-            frame = frames.get(handle.rpartition(ENDS)[0], layout.camera_frame)
-            at = _undone(scene, section, frame, self._angles(values), complex(*place))
+            at = unbent(scene, section, angles, handle, complex(*place))
             moved = dict(zip(names, (at.real, at.imag), strict=True))
-        ranges = {one.name: (one.low, one.high) for one in self.design.parameters}
-        return {**values} | {
-            name: min(max(value, ranges[name][0]), ranges[name][1])
-            for name, value in moved.items()
-            if name in ranges
-        }
+        return {**values, **inside_ranges(self.design.parameters, moved)}
 
     def _angles(self, values: Values) -> Float[np.ndarray, " joints"]:
         return np.radians(np.array([values[joint.name] for joint in self.joints], float))
-
-    def _view(self, scene: Scene, values: Values, sight: Sight | None) -> View:
-        angles = self._angles(values)
-        section = Section.of(scene, angles)
-        drawing = draw_scene(scene, section, title=self.design.title)
-        mirrors = [part.name for part in scene.layout.mirrors]
-        handles = optical_handles(drawing, mirrors, _part_parameters)
-        notes = part_notes(scene, drawing)
-        if sight is not None:
-            drawing = with_light(drawing, scene, angles, section, sight)
-        return View(SECTION, drawing, handles, notes)
 
     def _notice(self, values: Values) -> None:
         """Which value was moved last, if it was one alone."""
@@ -255,23 +269,36 @@ class SceneExplorer(Explorer):
         return np.array(numbers), np.stack([self._angles(state) for state in states])
 
 
-def optical_handles(
-    drawing: Drawing, mirrors: Sequence[str], parameters: Callable[[str], tuple[str, ...]]
-) -> list[Handle]:
-    """The camera, its axis and the ends of mirrors.
+def scene_view(
+    name: str,
+    title: str,
+    scene: Scene,
+    section: Section,
+    parameters: Callable[[str], tuple[str, ...]],
+    picture: Picture | None = None,
+) -> View:
+    """A scene in a pose; camera, its axis and the ends of mirrors can be dragged.
 
     Args:
-        drawing: of a scene.
-        mirrors: their names.
+        name: of the view.
+        title: of the drawing.
+        scene: the scene.
+        section: the scene in the pose.
         parameters: names of those that dragging a handle of this name changes.
+        picture: what is drawn of it besides, if it is computed.
     """
+    drawing = draw_scene(scene, section, title=title)
     lines = {line.name: line.places for line in drawing.polylines}
     camera, toward = lines["optical axis"]
     places = {CAMERA: camera, AXIS: toward}
-    for name in mirrors:
-        line = lines[f"{name} mirror"]
-        places |= {f"{name}{ENDS}from": line[0], f"{name}{ENDS}to": line[-1]}
-    return [Handle(name, place, parameters(name)) for name, place in places.items()]
+    for part in scene.layout.mirrors:
+        line = lines[f"{part.name} mirror"]
+        places |= {f"{part.name}{ENDS}from": line[0], f"{part.name}{ENDS}to": line[-1]}
+    handles = [Handle(handle, place, parameters(handle)) for handle, place in places.items()]
+    notes = _part_notes(scene, drawing)
+    if picture is not None:
+        drawing = _with_light(drawing, scene, section, picture)
+    return View(name, drawing, handles, notes)
 
 
 def _part_parameters(handle: str) -> tuple[str, ...]:
@@ -312,13 +339,28 @@ def _coverage(
     return jax.lax.map(one, (numbers, angles))
 
 
-def _undone(
-    scene: Scene, section: Section, frame: int, angles: Float[np.ndarray, " joints"], place: complex
+def unbent(
+    scene: Scene,
+    section: Section,
+    angles: Angles,
+    handle: str,
+    place: complex,
 ) -> complex:
-    """Where a place of a frame is in the reference pose."""
+    """Where a place is in the reference pose, as one of the camera's or mirror's of a handle.
+
+    Args:
+        scene: the scene.
+        section: the scene in a pose.
+        angles: joint angles there, rad.
+        handle: see `scene_view`.
+        place: in that pose, mm.
+    """
+    layout = scene.layout
+    hosts = {part.name: part.frame for part in layout.mirrors}
+    at = frame = hosts.get(handle.rpartition(ENDS)[0], layout.camera_frame)
     if frame == WORLD:
         return place
-    frames, turn, at = scene.layout.frames, 0.0, frame
+    frames, turn = layout.frames, 0.0
     while at != WORLD:
         turn += frames[at].sign * float(angles[frames[at].angle])
         at = frames[at].parent
@@ -328,15 +370,10 @@ def _undone(
     )
 
 
-def with_light(
-    drawing: Drawing,
-    scene: Scene,
-    angles: Float[np.ndarray, " joints"],
-    section: Section,
-    sight: Sight,
-) -> Drawing:
+def _with_light(drawing: Drawing, scene: Scene, section: Section, picture: Picture) -> Drawing:
     """A scene's drawing over the light that is seen, its pads parted into seen and hidden."""
-    light, outlines = draw_views(scene, angles, section, sight.found)
+    sight = picture.sight
+    light, outlines = draw_views(scene, section, sight.found.value, picture.traced)
     pads = [line for line in drawing.polylines if line.layer == "pads"]
     pieces, labels = [], []
     for index, line in enumerate(pads):
@@ -380,7 +417,7 @@ def _along(line: Sequence[Place], part: tuple[float, float]) -> list[Place]:
     return [(x + at * (end_x - x), y + at * (end_y - y)) for at in part]
 
 
-def part_notes(scene: Scene, drawing: Drawing) -> dict[str, str]:
+def _part_notes(scene: Scene, drawing: Drawing) -> dict[str, str]:
     """Numbers of all parts but what is seen, by the names of their lines."""
     notes = {
         line.name: f"{math.dist(line.places[0], line.places[-1]):.4g} mm"

@@ -25,13 +25,20 @@ from designopt.export.drawing import (
 )
 from designopt.export.json import Quantity
 from designopt.io.files import printable
-from designopt.solution import Solution
 from designopt.vectors import vector
-from optics.plot.section import Angles, Point, Points, Section, rays_to
+from optics.plot.section import (
+    Angles,
+    Point,
+    Points,
+    Section,
+    Traced,
+    through_pieces,
+    trace_pieces,
+)
 from optics.scene.camera_module import NAME
 from optics.scene.file import CameraTable, LayerTable, PadTable, SurfaceTable
 from optics.scene.reading import LEAST_TRANSMISSION
-from optics.scene.scene import WORLD, Scene, Surface
+from optics.scene.scene import WORLD, Layout, Scene, Surface
 from optics.visibility.curves import arc_between
 from optics.visibility.unfolding import paths_of
 from optics.visibility.views import Pieces, name_paths
@@ -171,16 +178,30 @@ def draw_scene(scene: Scene, section: Section, *, title: str = "") -> Drawing:
     )
 
 
+def trace_outlines(scene: Scene, angles: Angles, view: Pieces) -> Traced | None:
+    """The rays that bound what is seen of every piece, by `trace_pieces`; none if all are straight.
+
+    Args:
+        scene: the scene.
+        angles: joint angles in the order of ``scene.angle_names``, rad.
+        view: what is seen in this pose, unbatched.
+    """
+    curved = scene.layout.curved
+    if not (curved or scene.layers is not None or scene.rays_slide):
+        return None
+    return trace_pieces(scene, angles, view, count=WITHIN_CURVED if curved else 2)
+
+
 def draw_views(
-    scene: Scene, angles: Angles, section: Section, views: Solution[Pieces]
+    scene: Scene, section: Section, view: Pieces, traced: Traced | None
 ) -> tuple[list[Layer], list[Polyline]]:
     """What is seen of a scene in a pose: the light that reaches the camera, as filled outlines.
 
     Args:
         scene: the scene.
-        angles: joint angles in the order of ``scene.angle_names``, rad.
         section: the scene in this pose.
-        views: what is seen in this pose, unbatched, by `find_views` or `trace_views`.
+        view: what is seen in this pose, unbatched.
+        traced: by `trace_outlines`.
 
     Returns:
         A layer of kind ``"view"`` for every path by which anything is seen, named as the path, and
@@ -188,11 +209,13 @@ def draw_views(
         from each mirror to the next, and one to the pad, each named as pad and path.
     """
     layout = scene.layout
-    names = name_paths(layout, views.value.spans.shape[-2])
+    names = name_paths(layout, view.spans.shape[-2])
     layers, polylines = dict[int, Layer](), []
-    for path, pad, lines in _bounding_rays(
-        scene, angles, section, jax.tree.map(np.asarray, views.value)
-    ):
+    if traced is None:
+        rays = _straight_rays(layout, section, view)
+    else:
+        rays = through_pieces(scene, section, view, traced)
+    for path, pad, lines in rays:
         color = PATHS[path % len(PATHS)]
         layers.setdefault(path, Layer(names[path], "view", framed=False, color=color))
         for leg in range(min(map(len, lines)) - 1):
@@ -203,15 +226,10 @@ def draw_views(
     return [layers[path] for path in sorted(layers)], polylines
 
 
-def _bounding_rays(
-    scene: Scene, angles: Angles, section: Section, view: Pieces
+def _straight_rays(
+    layout: Layout, section: Section, view: Pieces
 ) -> Iterator[tuple[int, int, list[Points]]]:
     """The index of every piece's path, that of its pad, and the corners of rays that bound it."""
-    layout = scene.layout
-    if layout.curved or scene.layers is not None or scene.rays_slide:
-        count = WITHIN_CURVED if layout.curved else 2
-        yield from rays_to(scene, angles, section, view, count)
-        return
     words = paths_of(layout, view.spans.shape[-2])
     for pad, piece in np.argwhere(view.present).tolist():
         path = int(view.path[pad, piece])

@@ -39,8 +39,7 @@ class Sight(NamedTuple):
     """What is seen in poses.
 
     Attributes:
-        found: the pieces; ``margin`` as `find_views` has it where a pad is hidden, else perhaps as
-            `find_pieces`.
+        found: the pieces.
         coverage: part of each pad that is seen.
         redundancy: by how many paths a point of it is seen on average.
         missed_by: see `missed_by`.
@@ -52,29 +51,17 @@ class Sight(NamedTuple):
     missed_by: Float[Array | np.ndarray, "*poses pads"]
 
 
-def see(scene: Scene, angles: Float[np.ndarray, "*poses joints"]) -> Sight:
-    """What is seen at joint angles in rad, in NumPy arrays."""
-    return _sight(scene, angles)
-
-
-def see_in_pose(scene: Scene, angles: Float[np.ndarray, " joints"]) -> Sight:
-    """As `see`, in one pose: by what pads are missed is computed only where one is hidden."""
-    if not scene.layout.curved:
-        sight = _by_pieces(scene, angles)
-        if np.all(sight.coverage > 0):
-            _sight.expect(scene, angles)
-            return sight
-    return see(scene, angles)
-
-
 @Program
-def _sight(scene: Scene, angles: Float[Array, "*poses joints"]) -> Sight:
+def see(scene: Scene, angles: Float[Array, "*poses joints"]) -> Sight:
+    """What is seen at joint angles in rad."""
     found = (trace_views if scene.layout.curved else find_views)(scene, angles)
     return _with_coverage(found, missed_by(found))
 
 
-@Program
-def _by_pieces(scene: Scene, angles: Float[Array, " joints"]) -> Sight:
+def see_pieces(scene: Scene, angles: Float[Array, " joints"]) -> Sight:
+    """As `see` in one pose, but ``missed_by`` is 0 and margins may be those of `find_pieces`."""
+    if scene.layout.curved:
+        return see(scene, angles)
     found = find_pieces(scene, angles)
     return _with_coverage(found, jnp.zeros_like(found.margin))
 

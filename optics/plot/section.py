@@ -23,6 +23,7 @@ from optics.visibility.views import Pieces
 Point = Float[np.ndarray, "2"]
 Points = Float[np.ndarray, "_ 2"]
 Angles = Float[Array | np.ndarray, " joints"]
+Traced = tuple[Array | np.ndarray, Array | np.ndarray]
 
 ARC = 61
 """Points that stand for a curved mirror."""
@@ -59,9 +60,12 @@ class Section:
     @classmethod
     def of(cls, scene: Scene, angles: Angles) -> Section:
         """The section of a scene at joint angles in rad."""
-        camera, axis, ends, arcs, hinges, designed = jax.tree.map(
-            lambda leaf: np.asarray(leaf, float), _placed(scene, angles)
-        )
+        return cls.made_of(scene, place_parts(scene, angles))
+
+    @classmethod
+    def made_of(cls, scene: Scene, parts: tuple[Array | np.ndarray, ...]) -> Section:
+        """The section of a scene from what `place_parts` computes of it."""
+        camera, axis, ends, arcs, hinges, designed = (np.asarray(part, float) for part in parts)
         lines = list(ends)
         for surface, arc in zip(scene.layout.curved, arcs, strict=True):
             lines[surface] = arc
@@ -89,7 +93,7 @@ class Section:
 
 
 @Program
-def _placed(scene: Scene, angles: Float[Array, " joints"]) -> tuple[Array, ...]:
+def place_parts(scene: Scene, angles: Float[Array, " joints"]) -> tuple[Array, ...]:
     """Camera, its axis (rad), ends of surfaces, points of arcs, hinges, ends as designed, mm."""
     placed, parts = place(scene, angles), jnp.linspace(0, 1, ARC, dtype=scene.mirrors.dtype)
 
@@ -122,9 +126,14 @@ def rays_to(
         For every piece the index of its path, that of its pad, and the rays' corners, mm: the
         camera, where mirrors reflect them, where they pass surfaces of layers, and where they end.
     """
-    spread = np.clip(np.linspace(0, 1, count), INSIDE, 1 - INSIDE)
-    bounces = view.spans.shape[-2]
-    surfaces, places = _traced(scene, angles, view.pixels, spread, bounces=bounces)
+    return through_pieces(scene, section, view, trace_pieces(scene, angles, view, count=count))
+
+
+def through_pieces(
+    scene: Scene, section: Section, view: Pieces, traced: Traced
+) -> list[tuple[int, int, list[Points]]]:
+    """As `rays_to`, from what `trace_pieces` computes."""
+    surfaces, places = traced
     paths, rays = np.asarray(view.path), []
     # Lists: a few numbers each, for which arrays take longer.
     for pad, piece in np.argwhere(np.asarray(view.present)).tolist():
@@ -153,22 +162,17 @@ def _entered(layout: Layout, pad: int, surfaces: Sequence[int]) -> tuple[int, in
     return layout.bodies[body].layer, layout.bodies[body].end
 
 
-@partial(Program, static_argnames=["bounces"])
-def _traced(
-    scene: Scene,
-    angles: Float[Array, " joints"],
-    pixels: Float[Array, "pads pieces 2"],
-    spread: Float[Array, " rays"],
-    bounces: int,
-) -> tuple[Array, Array]:
-    """What rays between two pixels meet, and the camera and where, mm, for every piece."""
+@partial(Program, static_argnames=["count"])
+def trace_pieces(scene: Scene, angles: Float[Array, " joints"], view: Pieces, count: int) -> Traced:
+    """What rays to every piece meet, and the camera and where, mm; see `rays_to`."""
     placed = place(scene, angles)
-    first, last = pixels[..., :1], pixels[..., 1:]
-    spread = spread.astype(pixels.dtype)[None, None]
+    first, last = view.pixels[..., :1], view.pixels[..., 1:]
+    spread = np.clip(np.linspace(0, 1, count), INSIDE, 1 - INSIDE)
+    spread = jnp.asarray(spread, first.dtype)[None, None]
     angles_seen = scene.camera.angle(first + spread * (last - first))
     directions = placed.axis.angle() + angles_seen
     shift = scene.camera.pupil_at(angles_seen) / placed.size
     pupil = placed.camera + placed.axis.scaled(shift)
     positions = placed.absolute(pupil).stacked()
-    hits = trace_rays(scene, angles, positions, directions, bounces=bounces)
+    hits = trace_rays(scene, angles, positions, directions, bounces=view.spans.shape[-2])
     return hits.surface, jnp.concatenate([positions[..., None, :], hits.place], axis=-2)

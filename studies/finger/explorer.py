@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import cmath
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
@@ -20,8 +20,9 @@ from designopt.explore.explorer import (
     Readout,
     Series,
     View,
+    inside_ranges,
 )
-from designopt.export.drawing import Drawing, Place
+from designopt.export.drawing import Place
 from designopt.optimize.parametric import Parameter, Values
 from designopt.programs import Program
 from designopt.vectors import fold_angle
@@ -32,21 +33,20 @@ from kinematics.solve.poses import solve_poses
 from optics.explore.scene import (
     AXIS,
     ENDS,
+    Picture,
     look_at,
-    optical_handles,
     pad_notes,
-    part_notes,
+    picture_of,
+    scene_view,
     seen_readouts,
-    with_light,
+    unbent,
 )
-from optics.export.scene_drawing import draw_scene
-from optics.parametric.scene_measures import Sight, see_in_pose
 from optics.plot.section import Section
 from optics.scene.scene import Scene
 from optics.visibility.coverage import find_coverage
 from studies.models.finger import Finger
 from studies.models.finger_parametric.design import FingerParametric
-from studies.models.finger_parts import OUTWARD, PHALANGES
+from studies.models.finger_parts import PHALANGES
 from studies.models.linkage_design.coupling.problem import TRANSMISSION
 from studies.models.linkage_design.problem import SYMBOLS
 from studies.models.linkage_design.transmission import finger_transmission
@@ -70,6 +70,7 @@ ORIGINS = {"E": "F", "D": "C", pin_name("H"): "C", "C": "B", "G": "A", "Q": "B"}
 crank."""
 
 
+Rows = Float[Array | np.ndarray, "poses 2"]
 ParameterValues = Float[np.ndarray, " parameters"]
 """Numbers of a finger, in the order and the units of its parameters."""
 
@@ -100,6 +101,20 @@ class Swept(NamedTuple):
     dip: Float[Array, " poses"]
 
 
+class Posture(NamedTuple):
+    """What is drawn of a finger that is bent.
+
+    Attributes:
+        rows: flexion of both joints, rad: as shown, and then over the range of one of them.
+        swept: its linkage, if it has one.
+        seen: its camera, mirrors and pads, if it has a camera, and what is drawn of them.
+    """
+
+    rows: Rows
+    swept: Swept | None
+    seen: tuple[Scene, Picture] | None
+
+
 class FingerExplorer(Explorer):
     """Linkage, camera and mirrors of one finger, turned by its joints; flexion is positive.
 
@@ -124,23 +139,20 @@ class FingerExplorer(Explorer):
             for name, part in (("straight", 0.0), ("half closed", 0.5), ("closed", 1.0))
         }
         self._last, self._column = tuple(0.0 for _ in ends), 0
-        self._scene: tuple[bytes, Any] = b"", None
+        self._shown: tuple[Values, Posture] | None = None
         self._curve_of: list[bytes] = []
         self._curve = np.full((PLACES, len(PHALANGES)), np.nan)
-        self._scene_of = Program(lambda numbers: design.traced(numbers).scene())
-        self._sweep = Program(lambda numbers, rows: _swept(design.traced(numbers), rows))
+        self._straight = Program(lambda numbers: self._made(design.traced(numbers)))
+        self._bent = Program(lambda numbers, rows: self._posture(design.traced(numbers), rows))
         self._cover = Program(_coverage)
 
     def sketch(self) -> Sequence[View]:
         """See `Explorer`."""
-        finger, views, numbers = self._designed, [], self._numbers(self.values())
-        swept = self._solved(numbers, np.zeros((PLACES + 1, len(self.joints))))
-        if swept is not None:
-            views.append(self._linkage_view(sketched_scene(swept.linkage)))
-        if finger.camera is not None:
-            scene = self._scene_at(numbers)
-            drawing = draw_scene(scene, Section.of(scene, np.zeros(2)), title=self.design.title)
-            views.append(View(SEEN, drawing, self._handles(drawing), part_notes(scene, drawing)))
+        linkage, scene = self._straight(self._numbers(self.values()))
+        views = [] if linkage is None else [self._linkage_view(sketched_scene(linkage))]
+        if scene is not None:
+            section, title = Section.of(scene, np.zeros(2)), self.design.title
+            views.append(scene_view(SEEN, title, scene, section, _part_parameters))
         return views
 
     def show(self, values: Values) -> ExplorerState:
@@ -148,42 +160,27 @@ class FingerExplorer(Explorer):
         degrees = tuple(values[joint.name] for joint in self.joints)
         moved = [i for i, now in enumerate(degrees) if now != self._last[i]]
         self._column, self._last = (moved[0] if moved else self._column), degrees
-        numbers = self._numbers(values)
         rows = np.tile(np.radians(degrees), (PLACES + 1, 1))
         turned = replace(self.joints[self._column], value=degrees[self._column])
         rows[1:, self._column] = np.linspace(0.0, np.radians(turned.high), PLACES)
-        swept = self._solved(numbers, rows)
-        if self._coupled:
-            assert swept is not None  # as it has pins
-            rows = np.stack([rows[:, 0], np.where(swept.ok, swept.dip, 0.0)], axis=1)
-        views, sighted = [], None
-        if swept is not None:
-            views.append(self._linkage_view(_now(swept)))
-        if self._designed.camera is not None:
-            scene = self._scene_at(numbers)
-            section, sight = Section.of(scene, rows[0]), see_in_pose(scene, rows[0])
-            drawing = draw_scene(scene, section, title=self.design.title)
-            handles, notes = self._handles(drawing), part_notes(scene, drawing)
-            drawing = with_light(drawing, scene, rows[0], section, sight)
-            views.append(View(SEEN, drawing, handles, notes))
-            sighted = scene, sight
-        return ExplorerState(views, lambda: self._beside(rows, turned, swept, sighted))
+        posture = self._bent(self._numbers(values), rows)
+        self._shown = dict(values), posture
+        _, swept, seen = posture
+        views = [] if swept is None else [self._linkage_view(_now(swept))]
+        if seen is not None:
+            scene, picture = seen
+            section, title = Section.made_of(scene, picture.parts), self.design.title
+            views.append(scene_view(SEEN, title, scene, section, _part_parameters, picture))
+        return ExplorerState(views, lambda: self._beside(turned, posture))
 
-    def _beside(
-        self,
-        rows: np.ndarray,
-        turned: Parameter,
-        swept: Swept | None,
-        sighted: tuple[Scene, Sight] | None,
-    ) -> Numbers:
+    def _beside(self, turned: Parameter, posture: Posture) -> Numbers:
         """What is shown beside the drawings.
 
         Args:
-            rows: flexion of both joints, rad: as shown, and then over the range of one of them.
-            turned: that one, as shown.
-            swept: the linkage, if there is one.
-            sighted: the scene and what is seen of it, if there is a camera.
+            turned: the joint over whose range charts are, as shown.
+            posture: what is drawn.
         """
+        rows, swept, known = posture
         pip, dip = np.degrees(rows[0]).tolist()
         readouts = [Readout("pip", pip, "°"), Readout("dip", dip, "°")]
         charts, messages, notes = [], [], {}
@@ -205,9 +202,9 @@ class FingerExplorer(Explorer):
                     f"the linkage cannot be assembled at PIP {pip:.3g}°, DIP {dip:.3g}°: bend it "
                     "less, or take back what was changed last"
                 )
-        if sighted is not None:
-            scene, sight = sighted
-            seen = look_at(scene, rows[0], sight)
+        if known is not None:
+            scene, picture = known
+            seen = look_at(scene, rows[0], picture.sight)
             notes[SEEN] = pad_notes(scene, seen)
             readouts += seen_readouts(scene.layout, seen)
             curve = self._coverage_over(scene, rows[1:])
@@ -218,40 +215,44 @@ class FingerExplorer(Explorer):
 
     def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
         """See `Explorer`; what carries the part stays in its pose."""
-        numbers, at = self._numbers(values), complex(*place)
-        flexion = np.radians([[values[joint.name] for joint in self.joints]])
-        swept = self._solved(numbers, np.repeat(flexion, PLACES + 1, axis=0))
+        if self._shown is None or self._shown[0] != values:
+            self.show(values)
+        assert self._shown is not None  # by now
+        at, posture = complex(*place), self._shown[1]
         if handle.startswith(PIN):
             pin = handle.removeprefix(PIN)
-            assert swept is not None  # as there are pins
-            moved = _straightened(self._designed.kind, swept, pin, at)
+            assert posture.swept is not None  # as there are pins
+            moved = _straightened(self._designed.kind, posture.swept, pin, at)
             found = dict(zip(_pin_parameters(pin), (moved.real, moved.imag), strict=True))
         else:
-            own = swept.dip[0] if swept is not None and swept.ok[0] else 0.0
-            dip = values.get("dip", np.degrees(own))
-            found = self._moved_part(values, float(dip), handle, at)
-        ranges = {one.name: (one.low, one.high) for one in self.design.parameters}
-        clipped = {
-            name: min(max(one, ranges[name][0]), ranges[name][1]) for name, one in found.items()
-        }
-        return {**values, **clipped}
+            found = self._moved_part(values, posture, handle, at)
+        return {**values, **inside_ranges(self.design.parameters, found)}
 
     def _numbers(self, values: Values) -> ParameterValues:
         return np.array([values[one.name] for one in self.design.parameters], float)
 
-    def _solved(self, numbers: ParameterValues, rows: np.ndarray) -> Swept | None:
-        """The linkage in postures of both joints, or of PIP; ``None`` without one."""
-        if self._designed.pins is None:
-            return None
-        return self._sweep(numbers, rows)
+    def _made(self, finger: Finger) -> tuple[Linkage | None, Scene | None]:
+        """The linkage and the scene, as far as there are any."""
+        linkage = None if self._designed.pins is None else finger.linkage()
+        return linkage, None if self._designed.camera is None else finger.scene()
 
-    def _scene_at(self, numbers: ParameterValues) -> Scene:
-        """The scene; the last one is kept for when joints alone are turned."""
-        if self._scene[0] != (key := numbers.tobytes()):
-            self._scene = key, jax.device_put(self._scene_of(numbers))
-        return self._scene[1]
+    def _posture(self, finger: Finger, rows: Float[Array, "poses joints"]) -> Posture:
+        """All that a picture needs: a move waits for it, which takes longer by several programs.
 
-    def _coverage_over(self, scene: Scene, rows: np.ndarray) -> Float[np.ndarray, "poses pads"]:
+        Args:
+            finger: straight.
+            rows: flexion of its joints, rad: as shown, and then over the range of one of them.
+        """
+        linkage, scene = self._made(finger)
+        swept = None if linkage is None else _swept(finger, linkage, rows)
+        if self._coupled:
+            assert swept is not None  # as it has pins
+            dip = jnp.where(swept.ok, swept.dip, 0.0)
+            rows = jnp.stack([rows[:, 0], dip], axis=1)
+        seen = None if scene is None else (scene, picture_of(scene, rows[0]))
+        return Posture(rows, swept, seen)
+
+    def _coverage_over(self, scene: Scene, rows: Rows) -> Float[np.ndarray, "poses pads"]:
         """Coverage in postures; that of the same ones is kept, for when a joint is turned."""
         rest = [np.asarray(one).tobytes() for one in (rows, *jax.tree.leaves(scene))]
         if rest != self._curve_of:
@@ -272,23 +273,20 @@ class FingerExplorer(Explorer):
             notes[joint] = f"at ({x:.4g}, {y:.4g}) mm"
         return View(LINKAGE, drawing, handles, notes)
 
-    def _handles(self, drawing: Drawing) -> list[Handle]:
-        return optical_handles(drawing, self._designed.mirror_names, _part_parameters)
-
-    def _moved_part(self, values: Values, dip: float, handle: str, at: complex) -> dict[str, float]:
+    def _moved_part(
+        self, values: Values, posture: Posture, handle: str, at: complex
+    ) -> dict[str, float]:
         """Coordinates of camera or mirror end in its phalanx, or the tilt, after a drag."""
-        finger = self._designed
-        camera, names = finger.camera, _part_parameters(handle)
-        assert camera is not None  # of an optical handle
+        finger, names = self._designed, _part_parameters(handle)
+        assert finger.camera is not None  # of an optical handle
+        assert posture.seen is not None  # likewise
+        scene, picture = posture.seen
+        section = Section.made_of(scene, picture.parts)
+        straight = unbent(scene, section, posture.rows[0], handle, at)
         mirrors = dict(zip(finger.mirror_names, finger.mirrors, strict=True))
-        part = mirrors.get(handle.rpartition(ENDS)[0])
-        host = camera.phalanx if part is None else part.phalanx
-        flexion = {"proximal": values["pip"], "intermediate": 0.0, "distal": dip}[host]
-        turn = -OUTWARD[host] * np.radians(flexion)
-        axis = values["body.intermediate"] if host == "distal" else 0.0
-        local = (at - axis) * cmath.exp(-1j * turn)
-        dorsal = values["body.thickness"] - values["body.axis_height"]
-        along, depth = local.real, dorsal - local.imag
+        host = mirrors.get(handle.rpartition(ENDS)[0], finger.camera).phalanx
+        along = straight.real - (values["body.intermediate"] if host == "distal" else 0.0)
+        depth = values["body.thickness"] - values["body.axis_height"] - straight.imag
         if handle != AXIS:
             return dict(zip(names, (along, depth), strict=True))
         across = along - values["camera.along"], depth - values["camera.depth"]
@@ -300,8 +298,7 @@ def _coverage(scene: Scene, rows: Float[Array, "poses 2"]) -> Float[Array, "pose
     return jax.lax.map(lambda row: find_coverage(scene, row).value, rows)
 
 
-def _swept(finger: Finger, flexion: Float[Array, "poses joints"]) -> Swept:
-    linkage = finger.linkage()
+def _swept(finger: Finger, linkage: Linkage, flexion: Float[Array, "poses joints"]) -> Swept:
     poses = solve_poses(linkage, -flexion)
     pose, structure = poses.value, linkage.structure
     at, bodies = pose.joints, pose.bodies

@@ -203,12 +203,12 @@ POSE = {"pip": 35.0, "dip": 70.0}
 def test_a_dragged_end_goes_where_it_is_dragged_in_any_pose(handle):
     explorer = opened("finger")
     values = explorer.values() | POSE
-    handles = {one.name: one for one in explorer._view(*_scene(explorer, values), None).handles}
+    handles = {one.name: one for one in explorer.show(values).views[0].handles}
     start = handles[handle]
     wanted = (start.place[0] + 1.5, start.place[1] - 0.75)
     found = explorer.drag(values, handle, wanted)
     assert {name for name in values if found[name] != values[name]} == set(start.parameters)
-    moved = {one.name: one for one in explorer._view(*_scene(explorer, found), None).handles}
+    moved = {one.name: one for one in explorer.show(found).views[0].handles}
     assert moved[handle].place == pytest.approx(wanted, abs=1e-8)
     far = explorer.drag(values, handle, (1e6, -1e6))
     for one in explorer.design.parameters:
@@ -233,10 +233,6 @@ def test_the_dragged_axis_turns_the_camera():
     found = explorer.drag(values, "camera axis", (15.75 + 3.0, 16.99 - 30.0))
     assert found["camera.direction"] == pytest.approx(np.degrees(np.arctan2(-30, 3)))
     assert explorer.drag(values, "camera axis", (15.75, 16.99)) == values
-
-
-def _scene(explorer, values):
-    return saved(explorer, values), values
 
 
 @pytest.mark.slow

@@ -14,7 +14,6 @@ from studies.models.finger import Finger
 from studies.models.finger_file import finger_tables, parse_finger
 from studies.models.finger_parametric.asking import Aspect, joined
 from studies.models.finger_parametric.compiled import CompiledFunctions
-from studies.models.finger_parametric.links import LinkageAspect, own_limits
 from studies.models.finger_parametric.optics import OpticsAspect, own_mirrors
 from studies.models.finger_parametric.parameters import FREE, FingerParameters
 from studies.models.linkage_design.problem import LENGTH
@@ -79,6 +78,8 @@ class FingerParametric(ParametricDesign):
         """Linkage and optics, as far as there are; made when something is measured."""
         finger, found = self.designed, list[Aspect]()
         if finger.pins is not None:
+            from studies.models.finger_parametric.links import LinkageAspect, own_limits
+
             limits = own_limits(finger) if self._limits is None else self._limits
             found.append(LinkageAspect(finger, limits, self._motor or MotorSpec()))
         if finger.camera is not None:

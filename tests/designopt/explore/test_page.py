@@ -162,6 +162,7 @@ def test_a_slider_in_a_hand_is_not_led_back_by_another_tab(visit, site):
     first.mouse.down()
     first.mouse.move(box["x"] + 0.4 * box["width"], y)
     held = slider(first, "crank").input_value()
+    wait(lambda: site.values["crank"] == pytest.approx(float(held), abs=1.0))
     second.get_by_role("spinbutton", name="crank in °").fill("300")
     second.keyboard.press("Enter")
     wait(lambda: site.values["crank"] == 300)
@@ -304,7 +305,7 @@ def test_the_keyboard_alone_turns_optimises_and_saves(visit, site, tmp_path):
     page.get_by_text("saved crank-1.toml and raw-1.bin in").wait_for()
     assert f"radius = {site.values['radius']!r}" in (tmp_path / "crank-1.toml").read_text()
     announced = page.locator("#announcer")
-    page.wait_for_timeout(1200)
+    wait(lambda: announced.inner_text().endswith("done"))
     assert announced.inner_text() == f"slider's place {number_text(place(site.values))} mm; " + (
         f"rod to crank {number_text(70 / site.values['radius'])}; done"
     )
