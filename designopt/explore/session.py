@@ -49,6 +49,9 @@ REST = 0.3
 ECHO = 0.03
 """Seconds after a change at which its values are sent, if its picture did not take them along."""
 
+DRAWING = 0.015
+"""Seconds after a picture at which its numbers are begun: the browser draws it with all cores."""
+
 LONGEST_HISTORY = 1000
 MOST_PRESETS = 100
 AS_DESIGNED = "as designed"
@@ -424,7 +427,9 @@ class Session:
                 self._publish(readouts=[[name, "–", unit] for name, _, unit in known], message="")
             self._follow_up()
 
-        self._picture.submit("numbers", compute, done, first=True)
+        asyncio.get_running_loop().call_later(
+            DRAWING, lambda: self._picture.submit("numbers", compute, done, first=True)
+        )
 
     def _panels(self, kind: str) -> list[Wire]:
         return [one for one in self.model["panels"] if one["kind"] == kind]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
@@ -421,9 +420,10 @@ def _places(
     designed: Float[Array | np.ndarray, "places 2"] | None = None,
 ) -> list[Place]:
     """Places in the pose; those that are where they are in the file have its numbers."""
-    there = [] if designed is None else np.asarray(designed, float).tolist()
     found = [place.tolist() for place in places]
-    pairs = itertools.zip_longest(found, there, fillvalue=(math.nan,) * 2)
+    if designed is None:
+        return [(round(x, DECIMALS) + 0.0, round(y, DECIMALS) + 0.0) for x, y in found]
+    pairs = zip(found, np.asarray(designed, float).tolist(), strict=True)
     return [(_rounded(x, own_x), _rounded(y, own_y)) for (x, y), (own_x, own_y) in pairs]
 
 
