@@ -12,9 +12,11 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
-from rich import progress as bars
-from rich.console import Console
+if TYPE_CHECKING:
+    from rich import progress as bars
+    from rich.console import Console
 
 LOG = logging.getLogger(__name__)
 
@@ -151,6 +153,9 @@ def format_duration(seconds: float) -> str:
 @contextmanager
 def _bar(console: Console | None) -> Iterator[bars.Progress | None]:
     """A display on a terminal, unless steps are logged, or nothing but errors is to be shown."""
+    from rich import progress as bars
+    from rich.console import Console
+
     console = console or Console(stderr=True)
     is_logged = LOG.isEnabledFor(logging.INFO)
     if not console.is_terminal or is_logged or not LOG.isEnabledFor(logging.WARNING):

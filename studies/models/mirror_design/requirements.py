@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from designopt.study.records import Records
 from designopt.study.report import Report
 from studies.models.checks import Check, requirement_rows
 from studies.models.finger import Finger
 from studies.models.mirror_design.clearances import clearance_checks
-from studies.models.mirror_design.design import MirrorDesign
-from studies.models.mirror_design.judging import Verdict
 from studies.models.mirror_design.postures import lost_strips
 from studies.models.mirror_design.problem import CLEARANCE_SCALE, HIDDEN_SCALE, clearance_names
 from studies.models.mirror_design.spec import MirrorSpec
 from studies.models.mirror_design.yields import Yield
+
+if TYPE_CHECKING:
+    from studies.models.mirror_design.design import MirrorDesign
+    from studies.models.mirror_design.judging import Verdict
 
 COVERAGE, SHARPNESS, SPARE = "coverage", "px/mm", "degrees to spare"
 MEMBRANE = "membrane"
