@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,16 +29,17 @@ def save_specs(specs: Sequence[SpecFile], folder: Path, fails: Sequence[str] = (
     Raises:
         UserError: they cannot be written; none is then.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(
-            f"--out {folder}: cannot be made ({error.strerror}); name another"
-        ) from error
-    paths = _reserved(folder, [spec.name for spec in specs], FAILING if fails else "")
+    names, mark = [Path(spec.name) for spec in specs], FAILING if fails else ""
     comment = "# This design fails what it is asked for:\n" + "".join(
         f"# {printable(one)}\n" for one in fails
     )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        paths = _reserved(folder, names, mark)
+    except OSError as error:
+        raise UserError(
+            f"{error.filename}: cannot be written: {error.strerror}; name another --out"
+        ) from error
     with _removed_on_failure(paths), ExitStack() as stack:
         for spec, path in zip(specs, paths, strict=True):
             if fails and isinstance(spec.content, str):
@@ -48,39 +48,23 @@ def save_specs(specs: Sequence[SpecFile], folder: Path, fails: Sequence[str] = (
     return paths
 
 
-def _reserved(folder: Path, names: Sequence[str], mark: str) -> list[Path]:
-    """Empty files ``folder/stem-N.ending``, made with the first N that is free for all."""
+def _reserved(folder: Path, names: Sequence[Path], mark: str) -> list[Path]:
+    """Empty files ``folder/stem-N.ending``, with the first N that is free, marked or not."""
+    number = 0
     while True:
-        made: list[Path] = []
-        try:
-            with _removed_on_failure(made):
-                for path in _numbered(folder, names, mark):
-                    path.touch(exist_ok=False)
-                    made.append(path)
-            return made
-        except FileExistsError:  # somebody else's, made just now
+        number += 1
+        paths, others = (
+            [folder / f"{name.stem}-{number}{one}{name.suffix}" for name in names]
+            for one in (mark, "" if mark else FAILING)
+        )
+        if any(map(os.path.lexists, paths + others)):
             continue
-        except OSError as error:
-            raise UserError(
-                f"{error.filename}: cannot be written: {error.strerror}; choose another"
-            ) from error
-
-
-def _numbered(folder: Path, names: Sequence[str], mark: str) -> list[Path]:
-    """Paths with the first number that no file has, be it marked as failing or not."""
-    parts = [Path(name) for name in names]
-    tried = (
-        {
-            one: [folder / f"{part.stem}-{number}{one}{part.suffix}" for part in parts]
-            for one in ("", FAILING)
-        }
-        for number in itertools.count(1)
-    )
-    return next(
-        paths[mark]
-        for paths in tried
-        if not any(map(os.path.lexists, itertools.chain(*paths.values())))
-    )
+        made: list[Path] = []
+        with suppress(FileExistsError), _removed_on_failure(made):  # another's, made just now
+            for path in paths:
+                path.touch(exist_ok=False)
+                made.append(path)
+            return made
 
 
 @contextmanager
