@@ -124,7 +124,7 @@ class ExplorerState(NamedTuple):
 
 
 def inside_ranges(parameters: Sequence[Parameter], values: Values) -> dict[str, float]:
-    """The values that are those of parameters, each inside its range."""
+    """Values of these parameters, each moved into its range; others are left out."""
     return {
         one.name: min(max(values[one.name], one.low), one.high)
         for one in parameters

@@ -64,18 +64,18 @@ class Picture(NamedTuple):
 
     Attributes:
         parts: by `place_parts`.
-        sight: by `see_pieces`.
+        sight: by `see_pieces`, if it is computed.
         traced: by `trace_outlines`.
     """
 
     parts: tuple[Array | np.ndarray, ...]
-    sight: Sight
-    traced: Traced | None
+    sight: Sight | None = None
+    traced: Traced | None = None
 
 
 @Program
 def picture_of(scene: Scene, angles: Float[Array, " joints"]) -> Picture:
-    """What is drawn of a scene at joint angles in rad: of one program, for a move waits for it."""
+    """What is drawn of a scene at joint angles in rad; one program, because a move waits for it."""
     sight = see_pieces(scene, angles)
     traced = trace_outlines(scene, angles, sight.found.value)
     return Picture(place_parts(scene, angles), sight, traced)
@@ -105,18 +105,22 @@ class Seen:
         return self.sharpness.px_per_mm[0]
 
 
-def look_at(scene: Scene, angles: Angles, sight: Sight) -> Seen:
+def look_at(scene: Scene, angles: Angles, picture: Picture) -> Seen:
     """How sharply what is seen of a scene is seen, and why not more is.
+
+    Where a pad is hidden, what is seen is computed anew by `see`.
 
     Args:
         scene: the scene, with pads.
         angles: joint angles, rad.
-        sight: what is seen there, by `see_pieces`.
+        picture: of it there, by `picture_of`.
     """
+    sight = picture.sight
+    assert sight is not None  # of a picture that is no sketch
     if not scene.layout.curved:
         if np.all(sight.coverage > 0):
             see.expect(scene, angles)
-        else:  # by what is a pad missed?
+        else:  # `see` also computes by what a pad is missed
             sight = see(scene, angles)
     coverage, redundancy, missed = map(np.asarray, sight[1:])
     several = jax.tree.map(lambda leaf: leaf[None], sight.found)
@@ -182,8 +186,8 @@ class SceneExplorer(Explorer):
 
     def sketch(self) -> Sequence[View]:
         """The section as it is in the file."""
-        section = Section.of(self._scene, self._angles(self.values()))
-        return [scene_view(SECTION, self.design.title, self._scene, section, _part_parameters)]
+        picture = Picture(place_parts(self._scene, self._angles(self.values())))
+        return [scene_view(SECTION, self.design.title, self._scene, picture, _part_parameters)]
 
     def show(self, values: Values) -> ExplorerState:
         """Light by path, pads by what is seen of them, coverage over what was turned last.
@@ -200,13 +204,11 @@ class SceneExplorer(Explorer):
         self._notice(values)
         angles, swept = self._angles(values), self._swept
         picture = picture_of(scene, angles)
-        section = Section.made_of(scene, picture.parts)
-        title, owned = self.design.title, _part_parameters
-        self._views = [scene_view(SECTION, title, scene, section, owned, picture)]
+        self._views = [scene_view(SECTION, self.design.title, scene, picture, _part_parameters)]
 
         @functools.cache
         def numbers() -> Numbers:
-            seen, message = look_at(scene, angles, picture.sight), ""
+            seen, message = look_at(scene, angles, picture), ""
             if seen.remarks:
                 (what, why), *others = seen.remarks
                 message = "; ".join([what, why, *(more for more, _ in others)])
@@ -273,9 +275,8 @@ def scene_view(
     name: str,
     title: str,
     scene: Scene,
-    section: Section,
+    picture: Picture,
     parameters: Callable[[str], tuple[str, ...]],
-    picture: Picture | None = None,
 ) -> View:
     """A scene in a pose; camera, its axis and the ends of mirrors can be dragged.
 
@@ -283,10 +284,10 @@ def scene_view(
         name: of the view.
         title: of the drawing.
         scene: the scene.
-        section: the scene in the pose.
+        picture: the scene in the pose.
         parameters: names of those that dragging a handle of this name changes.
-        picture: what is drawn of it besides, if it is computed.
     """
+    section = Section.made_of(scene, picture.parts)
     drawing = draw_scene(scene, section, title=title)
     lines = {line.name: line.places for line in drawing.polylines}
     camera, toward = lines["optical axis"]
@@ -296,8 +297,8 @@ def scene_view(
         places |= {f"{part.name}{ENDS}from": line[0], f"{part.name}{ENDS}to": line[-1]}
     handles = [Handle(handle, place, parameters(handle)) for handle, place in places.items()]
     notes = _part_notes(scene, drawing)
-    if picture is not None:
-        drawing = _with_light(drawing, scene, section, picture)
+    if picture.sight is not None:
+        drawing = _with_light(drawing, scene, section, picture.sight, picture.traced)
     return View(name, drawing, handles, notes)
 
 
@@ -346,7 +347,7 @@ def unbent(
     handle: str,
     place: complex,
 ) -> complex:
-    """Where a place is in the reference pose, as one of the camera's or mirror's of a handle.
+    """Where a place that moves with the camera or mirror of a handle is in the reference pose.
 
     Args:
         scene: the scene.
@@ -370,10 +371,11 @@ def unbent(
     )
 
 
-def _with_light(drawing: Drawing, scene: Scene, section: Section, picture: Picture) -> Drawing:
+def _with_light(
+    drawing: Drawing, scene: Scene, section: Section, sight: Sight, traced: Traced | None
+) -> Drawing:
     """A scene's drawing over the light that is seen, its pads parted into seen and hidden."""
-    sight = picture.sight
-    light, outlines = draw_views(scene, section, sight.found.value, picture.traced)
+    light, outlines = draw_views(scene, section, sight.found.value, traced)
     pads = [line for line in drawing.polylines if line.layer == "pads"]
     pieces, labels = [], []
     for index, line in enumerate(pads):

@@ -59,7 +59,7 @@ def see(scene: Scene, angles: Float[Array, "*poses joints"]) -> Sight:
 
 
 def see_pieces(scene: Scene, angles: Float[Array, " joints"]) -> Sight:
-    """As `see` in one pose, but ``missed_by`` is 0 and margins may be those of `find_pieces`."""
+    """As `see` in one pose; unless mirrors curve, without ``missed_by``, by `find_pieces`."""
     if scene.layout.curved:
         return see(scene, angles)
     found = find_pieces(scene, angles)

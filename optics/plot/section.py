@@ -24,6 +24,7 @@ Point = Float[np.ndarray, "2"]
 Points = Float[np.ndarray, "_ 2"]
 Angles = Float[Array | np.ndarray, " joints"]
 Traced = tuple[Array | np.ndarray, Array | np.ndarray]
+"""What rays to every piece of every pad meet, and where; see `trace_pieces`."""
 
 ARC = 61
 """Points that stand for a curved mirror."""

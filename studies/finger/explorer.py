@@ -41,7 +41,7 @@ from optics.explore.scene import (
     seen_readouts,
     unbent,
 )
-from optics.plot.section import Section
+from optics.plot.section import Section, place_parts
 from optics.scene.scene import Scene
 from optics.visibility.coverage import find_coverage
 from studies.models.finger import Finger
@@ -71,6 +71,8 @@ crank."""
 
 
 Rows = Float[Array | np.ndarray, "poses 2"]
+"""Flexion of both joints, rad."""
+
 ParameterValues = Float[np.ndarray, " parameters"]
 """Numbers of a finger, in the order and the units of its parameters."""
 
@@ -102,12 +104,12 @@ class Swept(NamedTuple):
 
 
 class Posture(NamedTuple):
-    """What is drawn of a finger that is bent.
+    """A finger as it is shown, its linkage also over the range of one joint.
 
     Attributes:
-        rows: flexion of both joints, rad: as shown, and then over the range of one of them.
-        swept: its linkage, if it has one.
-        seen: its camera, mirrors and pads, if it has a camera, and what is drawn of them.
+        rows: flexion as shown, and then over that range.
+        swept: the linkage, if there is one.
+        seen: camera, mirrors and pads, if there is a camera, and what is drawn of them.
     """
 
     rows: Rows
@@ -139,20 +141,19 @@ class FingerExplorer(Explorer):
             for name, part in (("straight", 0.0), ("half closed", 0.5), ("closed", 1.0))
         }
         self._last, self._column = tuple(0.0 for _ in ends), 0
-        self._shown: tuple[Values, Posture] | None = None
+        self._shown: list[tuple[Values, Posture]] = []
         self._curve_of: list[bytes] = []
         self._curve = np.full((PLACES, len(PHALANGES)), np.nan)
-        self._straight = Program(lambda numbers: self._made(design.traced(numbers)))
+        self._straight = Program(lambda numbers: self._sketched(design.traced(numbers)))
         self._bent = Program(lambda numbers, rows: self._posture(design.traced(numbers), rows))
         self._cover = Program(_coverage)
 
     def sketch(self) -> Sequence[View]:
         """See `Explorer`."""
-        linkage, scene = self._straight(self._numbers(self.values()))
+        linkage, scene, picture = self._straight(self._numbers(self.values()))
         views = [] if linkage is None else [self._linkage_view(sketched_scene(linkage))]
         if scene is not None:
-            section, title = Section.of(scene, np.zeros(2)), self.design.title
-            views.append(scene_view(SEEN, title, scene, section, _part_parameters))
+            views.append(scene_view(SEEN, self.design.title, scene, picture, _part_parameters))
         return views
 
     def show(self, values: Values) -> ExplorerState:
@@ -164,13 +165,13 @@ class FingerExplorer(Explorer):
         turned = replace(self.joints[self._column], value=degrees[self._column])
         rows[1:, self._column] = np.linspace(0.0, np.radians(turned.high), PLACES)
         posture = self._bent(self._numbers(values), rows)
-        self._shown = dict(values), posture
+        # Two: what drags a handle may still begin from the one before.
+        self._shown = [*self._shown[-1:], (dict(values), posture)]
         _, swept, seen = posture
         views = [] if swept is None else [self._linkage_view(_now(swept))]
         if seen is not None:
             scene, picture = seen
-            section, title = Section.made_of(scene, picture.parts), self.design.title
-            views.append(scene_view(SEEN, title, scene, section, _part_parameters, picture))
+            views.append(scene_view(SEEN, self.design.title, scene, picture, _part_parameters))
         return ExplorerState(views, lambda: self._beside(turned, posture))
 
     def _beside(self, turned: Parameter, posture: Posture) -> Numbers:
@@ -180,7 +181,7 @@ class FingerExplorer(Explorer):
             turned: the joint over whose range charts are, as shown.
             posture: what is drawn.
         """
-        rows, swept, known = posture
+        rows, swept, pictured = posture
         pip, dip = np.degrees(rows[0]).tolist()
         readouts = [Readout("pip", pip, "°"), Readout("dip", dip, "°")]
         charts, messages, notes = [], [], {}
@@ -202,9 +203,9 @@ class FingerExplorer(Explorer):
                     f"the linkage cannot be assembled at PIP {pip:.3g}°, DIP {dip:.3g}°: bend it "
                     "less, or take back what was changed last"
                 )
-        if known is not None:
-            scene, picture = known
-            seen = look_at(scene, rows[0], picture.sight)
+        if pictured is not None:
+            scene, picture = pictured
+            seen = look_at(scene, rows[0], picture)
             notes[SEEN] = pad_notes(scene, seen)
             readouts += seen_readouts(scene.layout, seen)
             curve = self._coverage_over(scene, rows[1:])
@@ -215,10 +216,9 @@ class FingerExplorer(Explorer):
 
     def drag(self, values: Values, handle: str, place: Place) -> dict[str, float]:
         """See `Explorer`; what carries the part stays in its pose."""
-        if self._shown is None or self._shown[0] != values:
+        if not any(shown == values for shown, _ in self._shown):
             self.show(values)
-        assert self._shown is not None  # by now
-        at, posture = complex(*place), self._shown[1]
+        at, posture = complex(*place), next(one for shown, one in self._shown if shown == values)
         if handle.startswith(PIN):
             pin = handle.removeprefix(PIN)
             assert posture.swept is not None  # as there are pins
@@ -236,8 +236,14 @@ class FingerExplorer(Explorer):
         linkage = None if self._designed.pins is None else finger.linkage()
         return linkage, None if self._designed.camera is None else finger.scene()
 
+    def _sketched(self, finger: Finger) -> tuple[Linkage | None, Scene | None, Picture | None]:
+        """What there is, and where it is in the straight finger."""
+        linkage, scene = self._made(finger)
+        straight = None if scene is None else Picture(place_parts(scene, jnp.zeros(2)))
+        return linkage, scene, straight
+
     def _posture(self, finger: Finger, rows: Float[Array, "poses joints"]) -> Posture:
-        """All that a picture needs: a move waits for it, which takes longer by several programs.
+        """All that a picture needs; one program, because a move waits for it.
 
         Args:
             finger: straight.

@@ -147,6 +147,17 @@ def test_what_is_dragged_goes_there(finger):
     assert (far["pins.F.x"], far["pins.F.y"]) == (ends["pins.F.x"], ends["pins.F.y"])
 
 
+def test_a_pin_is_dragged_from_any_values():
+    """Also from some that are not shown, or no longer: a drag may begin from an older picture."""
+    explorer = explored(replace(packaged_finger(), camera=None, mirrors=(), layers=None))
+    bent = explorer.values() | {"pip": 30.0}
+    found = explorer.drag(bent, "pin E", (-20.0, 13.0))
+    assert found["pins.E.x"] != bent["pins.E.x"]
+    for other in (31.0, 32.0, 33.0):
+        assert explorer.drag(bent, "pin E", (-20.0, 13.0)) == pytest.approx(found, abs=1e-9)
+        show(explorer, bent | {"pip": other})
+
+
 def test_a_linkage_that_cannot_be_assembled_is_told():
     finger = replace(packaged_finger(), camera=None, mirrors=(), layers=None)
     explorer = explored(finger)

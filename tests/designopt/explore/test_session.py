@@ -13,7 +13,7 @@ import pytest
 
 from designopt.errors import UserError
 from designopt.explore import session as sessions
-from designopt.explore.explorer import ExplorerState
+from designopt.explore.explorer import ExplorerState, number_text
 from designopt.explore.messages import MessageError, read_message
 from designopt.explore.saving import save_specs
 from designopt.explore.session import History, Session, Settings
@@ -375,6 +375,28 @@ def test_saves_that_wait_are_all_written_even_at_the_end(run, tmp_path):
     run(guest, explorer)
     texts = [(tmp_path / f"crank-{number}.toml").read_text() for number in (1, 2, 3)]
     assert [text.splitlines()[2] for text in texts] == ["rod = 71.0", "rod = 72.0", "rod = 73.0"]
+
+
+def test_numbers_begin_after_their_picture_and_the_last_ones_stay(run, monkeypatch):
+    monkeypatch.setattr(sessions, "DRAWING", 0.05)
+    explorer = SliderCrank()
+
+    async def guest(session, say, until):
+        def is_shown(model, crank):
+            return model["values"]["crank"] == crank and not session._picture._jobs
+
+        for crank in (50.0, 60.0):
+            before = session.model["readouts"]
+            say(set_("crank", crank))
+            await until(lambda model, crank=crank: is_shown(model, crank))
+            assert session.model["readouts"] == before
+        values = explorer.values() | {"crank": 60.0}
+        wanted = [number_text(one.value) for one in show(explorer, values).readouts]
+        await until(lambda model: [row[1] for row in model["readouts"]] == wanted)
+        say(set_("crank", 70.0))  # whose numbers are not begun before the session ends
+        await until(lambda model: is_shown(model, 70.0))
+
+    run(guest, explorer)
 
 
 def test_a_file_that_appears_meanwhile_is_not_replaced(monkeypatch, tmp_path):
