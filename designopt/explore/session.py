@@ -49,8 +49,9 @@ REST = 0.3
 ECHO = 0.03
 """Seconds after a change at which its values are sent, if its picture did not take them along."""
 
-DRAWING = 0.015
-"""Seconds after a picture at which its numbers are begun: the browser draws it with all cores."""
+DRAWING = 0.008
+"""Seconds after a picture at which its numbers are begun: a browser that draws it needs all cores.
+Well below a frame, or they would be computed after the next picture as a rule."""
 
 LONGEST_HISTORY = 1000
 MOST_PRESETS = 100
