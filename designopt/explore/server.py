@@ -107,10 +107,7 @@ async def _serve(
     browser: bool,
     workers: list[Worker],
 ) -> None:
-    # To look through all that is here by now takes longer than to show a move, and JAX makes very
-    # many objects while it traces: a quarter of that time would be spent on looking through them.
-    gc.freeze()
-    gc.set_threshold(50_000, 20, 100)
+    gc.freeze()  # to look through all that is here by now takes longer than to show a move
     site = Site(explorer, folder, listener.getsockname()[1])
     server = HTTPServer(site.application())
     server.add_socket(listener)
