@@ -69,7 +69,6 @@ ORIGINS = {"E": "F", "D": "C", pin_name("H"): "C", "C": "B", "G": "A", "Q": "B"}
 """The pin or axis of its body about which each pin has turned from the straight finger; K is on the
 crank."""
 
-
 Rows = Float[Array | np.ndarray, "poses 2"]
 """Flexion of both joints, rad."""
 

@@ -11,7 +11,16 @@ import pytest
 
 from designopt.explore.explorer import Chart, View
 from designopt.programs import Prompt
-from optics.explore.scene import COVERAGE, HIDDEN, SEEN, SceneExplorer
+from optics.explore.scene import (
+    COVERAGE,
+    HIDDEN,
+    SEEN,
+    Picture,
+    SceneExplorer,
+    _part_parameters,
+    scene_view,
+)
+from optics.plot.section import place_parts
 from optics.scene.designed import DesignedScene
 from optics.scene.reading import parse_scene
 from optics.visibility.coverage import find_coverage, find_views
@@ -203,12 +212,12 @@ POSE = {"pip": 35.0, "dip": 70.0}
 def test_a_dragged_end_goes_where_it_is_dragged_in_any_pose(handle):
     explorer = opened("finger")
     values = explorer.values() | POSE
-    handles = {one.name: one for one in explorer.show(values).views[0].handles}
+    handles = _handles(explorer, values)
     start = handles[handle]
     wanted = (start.place[0] + 1.5, start.place[1] - 0.75)
     found = explorer.drag(values, handle, wanted)
     assert {name for name in values if found[name] != values[name]} == set(start.parameters)
-    moved = {one.name: one for one in explorer.show(found).views[0].handles}
+    moved = _handles(explorer, found)
     assert moved[handle].place == pytest.approx(wanted, abs=1e-8)
     far = explorer.drag(values, handle, (1e6, -1e6))
     for one in explorer.design.parameters:
@@ -233,6 +242,15 @@ def test_the_dragged_axis_turns_the_camera():
     found = explorer.drag(values, "camera axis", (15.75 + 3.0, 16.99 - 30.0))
     assert found["camera.direction"] == pytest.approx(np.degrees(np.arctan2(-30, 3)))
     assert explorer.drag(values, "camera axis", (15.75, 16.99)) == values
+
+
+def _handles(explorer, values):
+    """Of the scene as it is saved."""
+    scene = saved(explorer, values)
+    angles = np.radians([values[joint.name] for joint in explorer.joints])
+    picture = Picture(place_parts(scene, angles))
+    view = scene_view("section", "", scene, picture, _part_parameters)
+    return {one.name: one for one in view.handles}
 
 
 @pytest.mark.slow
