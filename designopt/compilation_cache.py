@@ -81,10 +81,7 @@ def keep_programs() -> None:
         compilation_cache, "get_file_cache"
     ):
         return
-    reason = folder_fault(folder)
-    if reason:
-        if named := os.environ.get(VARIABLE):
-            LOG.warning("%s=%s: not used: %s", VARIABLE, named, reason)
+    if not is_usable(folder):
         return
     compilation_cache.get_file_cache = lambda path: (Store(Path(path)), path)
     jax.config.update("jax_compilation_cache_dir", str(folder))
@@ -146,6 +143,14 @@ def program_folder() -> Path | None:
     with suppress(RuntimeError):
         return user_folder("XDG_CACHE_HOME", usual) / "programs"
     return None
+
+
+def is_usable(folder: Path) -> bool:
+    """Whether programs can be kept in a folder; a warning if not, where the user named it."""
+    reason = folder_fault(folder)
+    if reason and (named := os.environ.get(VARIABLE)):
+        LOG.warning("%s=%s: not used: %s", VARIABLE, named, reason)
+    return not reason
 
 
 def folder_fault(folder: Path) -> str:

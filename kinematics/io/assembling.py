@@ -271,17 +271,19 @@ class Equations:
             rest = np.concatenate([residual, held @ vector - values])
             return rest, np.vstack([jacobian, held])
 
-        import scipy.optimize  # half a second, and most sketches are assembled without
+        found = _halving_steps(both, start)
+        if found is None:
+            import scipy.optimize  # half a second, and most sketches are drawn near to closing
 
-        found = scipy.optimize.least_squares(
-            lambda vector: both(vector)[0],
-            start,
-            jac=lambda vector: both(vector)[1],  # pyright: ignore[reportArgumentType]
-            xtol=1e-15,
-            ftol=1e-15,
-            gtol=1e-15,
-            max_nfev=MOST_STEPS,
-        ).x
+            found = scipy.optimize.least_squares(
+                lambda vector: both(vector)[0],
+                start,
+                jac=lambda vector: both(vector)[1],  # pyright: ignore[reportArgumentType]
+                xtol=1e-15,
+                ftol=1e-15,
+                gtol=1e-15,
+                max_nfev=MOST_STEPS,
+            ).x
         rest, jacobian = both(found)
         for _ in range(POLISH):
             moved = found - np.linalg.lstsq(jacobian, rest)[0]
@@ -298,6 +300,23 @@ class Equations:
             gap = self.size * float(np.hypot(*residual[2 * n : 2 * n + 2]))
             gaps[incidence.joint] = max(gaps.get(incidence.joint, 0.0), gap)
         return gaps
+
+
+def _halving_steps(
+    equations: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], start: np.ndarray
+) -> np.ndarray | None:
+    """Where Gauss's and Newton's steps alone lead, if each at least halves the largest residual.
+
+    Then a trust region would have taken the same steps.
+    """
+    found = start
+    rest, jacobian = equations(found)
+    while (gap := np.max(np.abs(rest))) > CLOSED:
+        found = found - np.linalg.lstsq(jacobian, rest)[0]
+        rest, jacobian = equations(found)
+        if not np.max(np.abs(rest)) <= gap / 2:
+            return None
+    return found
 
 
 def _rotation(angle: float) -> np.ndarray:

@@ -8,10 +8,8 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator
 
-import networkx as nx
-
 from kinematics.io.sketch import BodyTable, Sketch
-from kinematics.model.topology import WORLD
+from kinematics.model.topology import WORLD, connected_parts
 
 COLUMNS = ("ok", "margin", "closure")
 """Columns of the table of ``designopt solve`` that every linkage has."""
@@ -172,16 +170,15 @@ def _spring_faults(sketch: Sketch) -> Iterator[str]:
 
 
 def _loose_faults(sketch: Sketch) -> Iterator[str]:
-    graph = nx.Graph()
-    graph.add_nodes_from(("joint", name) for name in sketch.joints)
-    for name, body in sketch.bodies.items():
-        node = ("body", WORLD if body.fixed else name)
-        graph.add_node(node)
-        graph.add_edges_from((node, ("joint", joint)) for joint in body.joints)
-    for slider in sketch.sliders:
-        on = WORLD if sketch.bodies[slider.on].fixed else slider.on
-        graph.add_edge(("body", on), ("joint", slider.joint))
-    tied = nx.node_connected_component(graph, ("body", WORLD))
+    nodes = {name: ("body", WORLD if body.fixed else name) for name, body in sketch.bodies.items()}
+    pairs = {
+        (nodes[name], ("joint", joint))
+        for name, body in sketch.bodies.items()
+        for joint in body.joints
+    }
+    pairs |= {(nodes[slider.on], ("joint", slider.joint)) for slider in sketch.sliders}
+    fixed = ("body", WORLD)
+    tied = next((part for part in connected_parts(pairs) if fixed in part), {fixed})
     for name, body in sketch.bodies.items():
         if not body.fixed and ("body", name) not in tied:
             yield (
@@ -189,6 +186,6 @@ def _loose_faults(sketch: Sketch) -> Iterator[str]:
                 "fixed one"
             )
     for joint in sketch.joints:
-        used = len(graph[("joint", joint)])
+        used = sum(pair[1] == ("joint", joint) for pair in pairs)
         if used == 0:
             yield f"joints.{joint}: it is on no body; add it to one, or remove it"

@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-import networkx as nx
 import numpy as np
 
 from designopt.errors import UserError
@@ -15,7 +14,14 @@ from kinematics.io.assembling import Configuration, Dimensions
 from kinematics.io.prismatic import merge_prismatic
 from kinematics.io.shapes import ImpossibleShapeError, body_shape, body_steps
 from kinematics.io.sketch import BodyTable, Sketch
-from kinematics.model.topology import WORLD, BodyPart, InputPart, SliderPart, Structure
+from kinematics.model.topology import (
+    WORLD,
+    BodyPart,
+    InputPart,
+    SliderPart,
+    Structure,
+    connected_parts,
+)
 
 Places = dict[tuple[str, str], np.ndarray]
 
@@ -85,12 +91,14 @@ def _lengths(body: BodyTable) -> dict[tuple[str, str], float]:
 
 def _fixed_parts(sketch: Sketch) -> Iterator[list[str]]:
     """Fixed bodies that share joints, directly or not, and so have one shape together."""
-    graph = nx.Graph()
-    for name, body in sketch.bodies.items():
-        if body.fixed:
-            graph.add_edges_from((("body", name), ("joint", joint)) for joint in body.joints)
-    for nodes in nx.connected_components(graph):
-        yield [name for name in sketch.bodies if ("body", name) in nodes]
+    pairs = (
+        (("body", name), ("joint", joint))
+        for name, body in sketch.bodies.items()
+        if body.fixed
+        for joint in body.joints
+    )
+    for part in connected_parts(pairs):
+        yield [name for name in sketch.bodies if ("body", name) in part]
 
 
 def _fixed_places(sketch: Sketch, names: list[str]) -> dict[str, np.ndarray]:

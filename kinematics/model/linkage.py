@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -110,6 +113,28 @@ class Linkage(eqx.Module):
     reference: ReferenceConfiguration
     structure: Structure = eqx.field(static=True)
     assembly: tuple[int, ...] = eqx.field(static=True)
+
+    @classmethod
+    def of(
+        cls, numbers: Mapping[str, Any], structure: Structure, assembly: tuple[int, ...]
+    ) -> Linkage:
+        """The linkage of numbers by the attributes' names, in JAX's default float type.
+
+        Args:
+            numbers: `AssembledSketch.numbers`.
+            structure: who is joined to whom.
+            assembly: the signs.
+        """
+        arrays: Any = jax.tree.map(lambda one: jnp.asarray(one, float), dict(numbers))
+        return cls(
+            arrays["anchors"],
+            {body.name: Link(**arrays["links"][body.name]) for body in structure.moving},
+            tuple(Line(**line) for line in arrays["lines"]),
+            tuple(Spring(**spring) for spring in arrays["springs"]),
+            ReferenceConfiguration(**arrays["reference"]),
+            structure,
+            assembly,
+        )
 
     @property
     def input_names(self) -> tuple[str, ...]:

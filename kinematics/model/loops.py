@@ -10,8 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import networkx as nx
-
+from designopt.kept import kept
 from kinematics.model.topology import WORLD, Incidence, Structure
 
 
@@ -51,6 +50,7 @@ class Loop:
         return f"{walk} {self.legs[-1].end.joint}"
 
 
+@kept
 def find_vector_loops(structure: Structure) -> tuple[Loop, ...]:
     """Independent vector loops of a whole linkage.
 
@@ -77,6 +77,8 @@ def find_loops(
         known_bodies: bodies whose poses are known, each with a joint on it whose place is known.
             All that is known counts as one body.
     """
+    import networkx as nx  # a quarter of a second, and loops and plans are kept
+
     references = known_bodies or {}
     graph = nx.Graph()
     for index, incidence in enumerate(incidences):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Hashable, Iterable
 from dataclasses import dataclass
 
 WORLD = "world"
@@ -94,3 +95,19 @@ class Structure:
     def driven_slider(self, index: int) -> int | None:
         """Which input drives slider number ``index``; none if it is free."""
         return next((i for i, part in enumerate(self.inputs) if part.slider == index), None)
+
+
+def connected_parts(pairs: Iterable[tuple[Hashable, Hashable]]) -> list[set[Hashable]]:
+    """Sets of what is connected by pairs, directly or not, in the order in which they appear.
+
+    Example:
+        >>> [sorted(part) for part in connected_parts([(1, 2), (5, 6), (3, 2)])]
+        [[1, 2, 3], [5, 6]]
+    """
+    parts: list[set[Hashable]] = []
+    for pair in pairs:
+        touched = [part for part in parts if not part.isdisjoint(pair)]
+        first, *rest = touched or [set[Hashable]()]
+        first.update(pair, *rest)
+        parts = [*(part for part in parts if part not in rest), *([] if touched else [first])]
+    return parts

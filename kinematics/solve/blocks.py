@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import networkx as nx
-
 from kinematics.model.topology import WORLD, Incidence, Structure
 from kinematics.solve.steps import Orientation, PlanError, Turn
 
@@ -19,6 +17,8 @@ def tie_angles(structure: Structure) -> dict[str, Orientation]:
     Raises:
         PlanError: an angle is given twice.
     """
+    import networkx as nx  # a quarter of a second, and plans are kept
+
     ties: dict[str, list[tuple[str, Turn]]] = {}
     graph = nx.Graph()
     graph.add_nodes_from([WORLD, *(body.name for body in structure.moving)])
@@ -80,6 +80,8 @@ def find_blocks(
     Raises:
         PlanError: the inputs do not determine the pose, or determine it more than once.
     """
+    import networkx as nx
+
     fixed = set(structure.fixed_joints)
     graph = nx.Graph()
     equations: list[tuple[str, int, str]] = []

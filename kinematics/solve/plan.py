@@ -11,6 +11,7 @@ import functools
 from collections.abc import Iterable
 from typing import Any
 
+from designopt.kept import kept
 from kinematics.model.loops import Leg, Loop, find_loops
 from kinematics.model.topology import WORLD, Incidence, Structure
 from kinematics.solve.blocks import find_blocks, tie_angles
@@ -28,6 +29,13 @@ def make_plan(structure: Structure, targets: frozenset[str] | None = None) -> Pl
     Raises:
         PlanError: the inputs do not determine the pose, or determine it more than once.
     """
+    plan = _whole_plan(structure)
+    return plan if targets is None else _upstream(structure, plan, targets)
+
+
+@functools.lru_cache(maxsize=256)
+@kept
+def _whole_plan(structure: Structure) -> Plan:
     orientations = tie_angles(structure)
     relative: list[Group] = []
     dropped: set[Incidence] = set()
@@ -41,8 +49,7 @@ def make_plan(structure: Structure, targets: frozenset[str] | None = None) -> Pl
         relative.append(found)
         orientations = _merged(orientations, found)
         dropped.add(found.loops[0].legs[-1].end)
-    plan = Plan(orientations, (*relative, *steps))
-    return plan if targets is None else _upstream(structure, plan, targets)
+    return Plan(orientations, (*relative, *steps))
 
 
 def _steps(

@@ -78,16 +78,17 @@ def solve_transmission(
 
 
 def solve_poses_and_angles(
-    linkage: Linkage, inputs: Float[Array, "*batch inputs"]
+    linkage: Linkage, inputs: Float[Array, "*batch inputs"], *, of: Iterable[str] | None = None
 ) -> tuple[Solution[Pose], dict[str, Float[Array, "*batch"]]]:
     """What `solve_poses` returns, and the angles of `solve_transmission`, each pose solved once.
 
     Args:
         linkage: the linkage.
         inputs: values of the inputs, rad or mm.
+        of: joints and bodies asked for; all by default.
     """
     inputs = as_float(inputs)
-    solver = Solver.of(linkage, inputs.dtype)
+    solver = Solver.of(linkage, inputs.dtype, of)
 
     def one(values: Float[Array, " inputs"]) -> tuple[Solution[Pose], dict[str, Array]]:
         state = solver.state(solver.drive(values))
