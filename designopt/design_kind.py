@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from designopt.errors import UserError, load_plug_in
+from designopt.io.files import read_toml
 
 if TYPE_CHECKING:  # these load JAX and NumPy, and a command first lists names
     from designopt.explore.explorer import Explorer
@@ -145,3 +146,23 @@ def kind_of_tables(tables: Mapping[str, Any]) -> DesignKind | None:
     kinds = [kind for kind in installed_kinds() if kind.table in tables]
     shared = {table for kind in kinds for table in kind.shared}
     return next((kind for kind in kinds if kind.table not in shared), None)
+
+
+def read_tables(path: str | Path, what: str, table: str) -> dict[str, Any]:
+    """The tables of a design's file of one kind; otherwise as `read_toml`.
+
+    Args:
+        path: the file.
+        what: what such a file describes, as in `DesignKind`.
+        table: the table that every such file has.
+
+    Raises:
+        UserError: also where the file is of another kind.
+    """
+    tables = read_toml(path, what)
+    kind = kind_of_tables(tables)
+    if kind is not None and (table not in tables or table in kind.shared):
+        raise UserError(
+            f"{path}: it describes a {kind.name} and no {what}; {kind.command} takes it"
+        )
+    return tables

@@ -10,31 +10,11 @@ from typing import Any, Literal
 
 from designopt.design_kind import Design, installed_kinds, kind_of_tables
 from designopt.errors import UserError
-from designopt.io.files import check_toml, read_toml
+from designopt.io.files import check_toml
 from designopt.study.result_folders import DOCUMENT, recorded_spec
 from designopt.study.settings import spec_of, spec_with
 from designopt.study.settings_file import read_config
 from designopt.study.study import STUDY_GROUP, Study, installed_studies, load_study
-
-
-def read_tables(path: str | Path, what: str, table: str) -> dict[str, Any]:
-    """The tables of a design's file of one kind; otherwise as `read_toml`.
-
-    Args:
-        path: the file.
-        what: what such a file describes, as in `DesignKind`.
-        table: the table that every such file has.
-
-    Raises:
-        UserError: also where the file is of another kind.
-    """
-    tables = read_toml(path, what)
-    kind = kind_of_tables(tables)
-    if kind is not None and (table not in tables or table in kind.shared):
-        raise UserError(
-            f"{path}: it describes a {kind.name} and no {what}; {kind.command} takes it"
-        )
-    return tables
 
 
 def load_design(named: str, settings: Sequence[str] = (), configs: Sequence[Path] = ()) -> Design:

@@ -21,6 +21,9 @@ from designopt.numpy_program import NumpyProgram, Operation, Step
 Rule = Callable[[JaxprEqn], Operation | None]
 """What computes an equation, in a form that can be pickled; ``None`` if that is JAX's to do."""
 
+Call = Callable[[JaxprEqn, list[int]], tuple[ClosedJaxpr, list[int]]]
+"""Of an equation and the places of its arguments the program that it calls, and that one's."""
+
 MOST_FOLDED = 1024
 """Numbers of the largest array that takes the place of the steps that compute it."""
 
@@ -161,8 +164,8 @@ class _Translation:
 
         for equation in jaxpr.eqns:
             sources = [place(var) for var in equation.invars]
-            if (called := CALLS.get(equation.primitive.name)) is not None:
-                inner = _closed(equation.params[called])
+            if (call := CALLS.get(equation.primitive.name)) is not None:
+                inner, sources = call(equation, sources)
                 fixed = [self.constant(np.asarray(one)) for one in inner.consts]
                 targets = self.add(inner.jaxpr, fixed, sources)
             else:
@@ -231,13 +234,38 @@ class _ByJax:
         return jax.tree.map(np.asarray, found)
 
 
-def _closed(program: ClosedJaxpr | Jaxpr) -> ClosedJaxpr:
-    return program if isinstance(program, ClosedJaxpr) else ClosedJaxpr(program, ())
+def _calling(name: str) -> Call:
+    def call(equation: JaxprEqn, sources: list[int]) -> tuple[ClosedJaxpr, list[int]]:
+        called = equation.params[name]
+        return called if isinstance(called, ClosedJaxpr) else ClosedJaxpr(called, ()), sources
+
+    return call
 
 
-CALLS = dict.fromkeys(("jit", "remat2"), "jaxpr")
-CALLS |= dict.fromkeys(("custom_jvp_call", "custom_vjp_call"), "call_jaxpr")
-"""Primitives that call a program, and the parameter that it is."""
+def _solving(equation: JaxprEqn, sources: list[int]) -> tuple[ClosedJaxpr, list[int]]:
+    """Of four programs with fixed arguments that which solves."""
+    counts, programs = equation.params["const_lengths"], equation.params["jaxprs"]
+    before, fixed = counts.matvec + counts.vecmat, counts.solve
+    sides = sources[before + fixed + counts.transpose_solve :]
+    return programs.solve, sources[before : before + fixed] + sides
+
+
+def _implemented(equation: JaxprEqn, sources: list[int]) -> tuple[ClosedJaxpr, list[int]]:
+    """A primitive of Equinox or Lineax, which is a function of JAX outside of a program."""
+    function = partial(equation.primitive.impl, **equation.params)
+    return jax.make_jaxpr(function)(*(var.aval for var in equation.invars)), sources
+
+
+CALLS: dict[str, Call] = {
+    **dict.fromkeys(("jit", "remat2"), _calling("jaxpr")),
+    **dict.fromkeys(("custom_jvp_call", "custom_vjp_call"), _calling("call_jaxpr")),
+    "custom_linear_solve": _solving,
+    **dict.fromkeys(
+        ("vprim", "linear_solve", "nonbatchable", "unvmap_any", "unvmap_all", "unvmap_max"),
+        _implemented,
+    ),
+}
+"""Primitives that call a program."""
 
 
 def _result_of(equation: JaxprEqn) -> Any:
@@ -324,6 +352,7 @@ RULES: dict[str, Rule] = {
         "stop_gradient": ops.same,
         "optimization_barrier": ops.same_all,
         "dynamic_update_slice": ops.set_window,
+        "lu": ops.lu,
     }.items()
 }
 RULES |= {
@@ -519,6 +548,18 @@ def _scatter(equation: JaxprEqn) -> Operation | None:
     )
 
 
+def _svd(equation: JaxprEqn) -> Operation | None:
+    if equation.params["subset_by_index"] is not None:
+        return None
+    names = ("full_matrices", "compute_uv")
+    return partial(ops.svd, **{name: equation.params[name] for name in names})
+
+
+def _triangular_solve(equation: JaxprEqn) -> Operation | None:
+    names = ("left_side", "lower", "transpose_a", "unit_diagonal")
+    return partial(ops.triangular_solve, **{name: equation.params[name] for name in names})
+
+
 def _scan(equation: JaxprEqn) -> Operation:
     params = equation.params
     body, carried = params["jaxpr"], params["num_carry"]
@@ -562,4 +603,7 @@ RULES |= {
         of_body=lambda p: p["body_nconsts"],
     ),
     "scan": _scan,
+    "svd": _svd,
+    "triangular_solve": _triangular_solve,
+    "lu_pivots_to_permutation": _with(ops.permutation, size=lambda p: p["permutation_size"]),
 }

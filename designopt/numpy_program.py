@@ -387,6 +387,76 @@ def add_at(array: Any, places: Any, updates: Any) -> None:
 set_at = operator.setitem
 
 
+def lu(matrix: Any) -> tuple[Any, Any, Any]:
+    """Of matrices: L and U in one, the rows that were exchanged, and the order of rows.
+
+    Source: G. H. Golub, C. F. Van Loan, *Matrix Computations*, 4th ed., §3.4 (partial pivoting).
+    """
+    *batch, rows, columns = matrix.shape
+    found = np.array(matrix).reshape(-1, rows, columns)
+    every, count = np.arange(len(found)), min(rows, columns)
+    pivots = np.empty((len(found), count), np.int32)
+    for k in range(count):
+        pivots[:, k] = best = k + np.argmax(np.abs(found[:, k:, k]), axis=1)
+        found[every, best], found[:, k] = found[:, k].copy(), found[every, best].copy()
+        pivot = found[:, k, k, None]
+        found[:, k + 1 :, k] /= np.where(pivot == 0, 1, pivot)  # then all below are 0
+        found[:, k + 1 :, k + 1 :] -= found[:, k + 1 :, k, None] * found[:, k, None, k + 1 :]
+    pivots = pivots.reshape(*batch, count)
+    return found.reshape(matrix.shape), pivots, permutation(pivots, size=rows)
+
+
+def permutation(pivots: Any, *, size: int) -> Any:
+    """The order of rows after exchanges, one after the other."""
+    *batch, count = pivots.shape
+    exchanged = pivots.reshape(-1, count)
+    order = np.tile(np.arange(size, dtype=np.int32), (len(exchanged), 1))
+    every = np.arange(len(exchanged))
+    for k in range(count):
+        other = exchanged[:, k]
+        order[every, other], order[:, k] = order[:, k].copy(), order[every, other].copy()
+    return order.reshape(*batch, size)
+
+
+def triangular_solve(
+    matrix: Any,
+    sides: Any,
+    *,
+    left_side: bool,
+    lower: bool,
+    transpose_a: bool,
+    unit_diagonal: bool,
+) -> Any:
+    """X of A X = B, or of X A = B if the matrix is not at the left side, by substitution."""
+    if not left_side:
+        sides = np.swapaxes(sides, -1, -2)
+    if transpose_a == left_side:
+        matrix, lower = np.swapaxes(matrix, -1, -2), not lower
+    size = matrix.shape[-1]
+    found = np.array(sides)
+    for row in range(size) if lower else reversed(range(size)):
+        known = slice(0, row) if lower else slice(row + 1, size)
+        rest = matrix[..., row, known, None] * found[..., known, :]
+        found[..., row, :] -= np.sum(rest, axis=-2)
+        if not unit_diagonal:
+            found[..., row, :] /= matrix[..., row, row, None]
+    return found if left_side else np.swapaxes(found, -1, -2)
+
+
+def svd(matrix: Any, *, full_matrices: bool, compute_uv: bool) -> tuple[Any, ...]:
+    """Singular values of matrices, and the vectors where they are wanted; NaN of what is NaN."""
+    finite = np.all(np.isfinite(matrix), axis=(-2, -1))[..., None, None]
+    found = np.linalg.svd(np.where(finite, matrix, 0.0), full_matrices, compute_uv)
+    if not compute_uv:
+        return (np.where(finite[..., 0], found, np.nan),)
+    first, values, second = (found.U, found.S, found.Vh)
+    return (
+        np.where(finite[..., 0], values, np.nan),
+        np.where(finite, first, np.nan),
+        np.where(finite, second, np.nan),
+    )
+
+
 def branch(which: Any, *arguments: Any, programs: Sequence[NumpyProgram]) -> list[Any]:
     """What one of several programs returns; beyond the last number the last."""
     return programs[int(np.clip(which, 0, len(programs) - 1))](*arguments)

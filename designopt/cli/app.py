@@ -49,7 +49,7 @@ def invoke(arguments: list[str], check: Callable[[], None]) -> int:
         UserError: there is no such command, or it is called otherwise.
     """
     with logging_to_terminal():
-        app, unloaded = _app(check)
+        app, unloaded = _app(arguments, check)
         _report_unloaded(unloaded, arguments)
         command = typer.main.get_command(app)
         _accept_verbosity_after(command)
@@ -67,12 +67,17 @@ def invoke(arguments: list[str], check: Callable[[], None]) -> int:
             ) from error
 
 
-def _app(check: Callable[[], None]) -> tuple[typer.Typer, dict[EntryPoint, Exception]]:
-    """All commands, and why some of them cannot be loaded."""
+def _app(
+    arguments: list[str], check: Callable[[], None]
+) -> tuple[typer.Typer, dict[EntryPoint, Exception]]:
+    """The command that is called, or else all of them, and why some of them cannot be loaded."""
     unloaded = {}
     app = typer.Typer(help="Design robot fingers that feel with a camera.", rich_markup_mode=None)
     app.callback()(_root)
-    for point in sorted(entry_points(group=COMMAND_GROUP), key=lambda point: point.name):
+    points = sorted(entry_points(group=COMMAND_GROUP), key=lambda point: point.name)
+    # A name that comes first is the command's: only values of options may stand before it.
+    called = [point for point in points if point.name in arguments[:1]]
+    for point in called if called and COMPLETION not in os.environ else points:
         try:
             command = point.load()
         except Exception as error:  # a plug-in is anyone's code; the other commands must not suffer

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -55,9 +54,6 @@ def explore(
     Example:
       designopt explore four-bar.toml
     """
-    # Very many objects are made while modules are loaded and JAX traces: a tenth to a quarter of
-    # that time would be spent on looking through them.
-    gc.set_threshold(50_000, 20, 100)
     with suppress(KeyboardInterrupt), interruptible():
         _check(named, out)
         from designopt.explore.server import listen, serve

@@ -204,7 +204,7 @@ def _solve(sketch: AssembledSketch, request: Request, asked: np.ndarray) -> Iter
     if rates is None and accelerations is not None:
         rates = np.zeros_like(accelerations)
     # Sweeps of about one length have one program.
-    size = next((size for size in SIZES if len(asked) <= size), CHUNK)
+    size = min(CHUNK, next((size for size in SIZES if len(asked) <= size), CHUNK))
     for start in range(0, len(asked), CHUNK):
         part = asked[start : start + CHUNK]
         inputs = np.where(angles, np.deg2rad(part), part)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import pydantic
 
-from designopt.designs import read_tables
+from designopt.design_kind import read_tables
 from designopt.io.spec import Spec
 from designopt.io.spec_files import (
     FORMAT,

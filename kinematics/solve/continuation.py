@@ -15,8 +15,6 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import lineax as lx
-import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 
 from kinematics.model.linkage import Linkage
@@ -153,6 +151,9 @@ def newton_correct(
     guess: Vectors,
 ) -> Vectors:
     """The unknowns of iterated groups by Newton's method, with implicit derivatives."""
+    # A quarter of a second, which linkages of closed forms do without.
+    import lineax as lx
+    import optimistix as optx
 
     def gaps(unknowns: Vectors, args: tuple[Linkage, Float[Array, " inputs"]]) -> Vectors:
         return loop_gaps(args[0], plan, unknowns, args[1], signs)
@@ -265,10 +266,13 @@ def _walk_along(
     good_gap, short_way = rounding**0.75, rounding**0.6
     unit = jnp.zeros(start.shape[0] + 1, start.dtype).at[-1].set(1.0)
 
+    # Traced once each, and not wherever they are used.
+    equations, jacobian = jax.jit(equations), jax.jit(jax.jacfwd(equations))
+
     # Bordered by the tangent, the Jacobian is regular also at a turning point, where that with
     # respect to the unknowns alone is singular.
     def bordered(point, border):
-        return jnp.concatenate([jax.jacfwd(equations)(point), border[None, :]])
+        return jnp.concatenate([jacobian(point), border[None, :]])
 
     def tangent_at(point, along):
         direction = jnp.linalg.solve(bordered(point, along), unit)

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from designopt.numerics import as_float
 from designopt.solution import Solution
 from designopt.vectors import Vector, fold_angle
-from kinematics.model.linkage import Linkage
+from kinematics.model.linkage import Linkage, direction_of
 from kinematics.solve.continuation import smallest_singular_value
 from kinematics.solve.evaluation import group_columns
 from kinematics.solve.poses import pose_solution
@@ -66,12 +66,7 @@ def solve_transmission(
     def one(values: Float[Array, " inputs"]) -> Transmission:
         state = solver.state(solver.drive(values))
         columns = {group: group_columns(state, group) for group in solver.plan.groups}
-        indices = {}
-        for group, rows in columns.items():
-            matrix = [[getattr(c, axis) for c in row] for row in rows for axis in ("x", "y")]
-            indices[group.index] = smallest_singular_value(
-                jnp.stack([jnp.stack(line) for line in matrix])
-            )
+        indices = {group.index: _index(rows) for group, rows in columns.items()}
         return Transmission(_pin_angles(columns), indices)
 
     return each_pose(one, inputs)
@@ -97,6 +92,17 @@ def solve_poses_and_angles(
         return pose_solution(solver, state, jnp.all(jnp.isfinite(values))), angles
 
     return each_pose(one, inputs)
+
+
+def _index(rows: Sequence[Sequence[Vector]]) -> Float[Array, ""]:
+    """The smallest singular value of a group's Jacobian, its columns scaled to length 1."""
+    if len(rows) == 1:
+        # Of two unit vectors at an angle θ it is √(1 − |cos θ|), here without a difference.
+        first, second = map(direction_of, rows[0])
+        sine, cosine = first.cross(second), first.dot(second)
+        return jnp.abs(sine) / jnp.sqrt(1 + jnp.abs(cosine))
+    matrix = [[getattr(c, axis) for c in row] for row in rows for axis in ("x", "y")]
+    return smallest_singular_value(jnp.stack([jnp.stack(line) for line in matrix]))
 
 
 def _pin_angles(

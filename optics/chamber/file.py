@@ -8,7 +8,7 @@ from typing import Annotated
 
 import pydantic
 
-from designopt.designs import read_tables
+from designopt.design_kind import read_tables
 from designopt.errors import UserError
 from designopt.io.files import printable, replaced_when_complete
 from designopt.io.spec import Spec

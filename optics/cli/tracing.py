@@ -10,7 +10,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from designopt.designs import read_tables
+from designopt.design_kind import read_tables
 from designopt.errors import UserError
 from designopt.io.files import check_figure_ending, check_targets, replaced_when_complete
 from designopt.io.ranges import LARGEST_INPUT, grid_of, single_values

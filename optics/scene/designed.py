@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from designopt.designs import read_tables
+from designopt.design_kind import read_tables
 from designopt.io.spec_files import validated
 from optics.scene.file import SceneFile
 from optics.scene.reading import build_scene

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from designopt.designs import read_tables
+from designopt.design_kind import read_tables
 from designopt.errors import UserError
 from designopt.io.files import printable
 from designopt.io.spec_files import validated

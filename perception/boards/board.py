@@ -9,7 +9,7 @@ import numpy as np
 import pydantic
 from jaxtyping import Float
 
-from designopt.designs import read_tables
+from designopt.design_kind import read_tables
 from designopt.io.spec import Spec
 from designopt.io.spec_files import validated
 

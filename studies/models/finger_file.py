@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from designopt import Context, Spec, UserError
-from designopt.designs import read_tables
+from designopt.design_kind import read_tables
 from designopt.io.files import printable, replaced_when_complete
 from designopt.io.spec_files import FORMAT, Format, Length, Number, Point, Title, validated
 from designopt.io.toml_writing import degrees_of, format_toml

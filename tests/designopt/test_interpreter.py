@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -243,7 +245,47 @@ CASES = {
     "rounds": (lambda x: lax.fori_loop(0, 5, lambda i, s: s + i * x, x), X),
     "until it ends": (halvings, 37.0),
     "until each ends": (jax.vmap(halvings), np.array([37.0, 0.2, 5.0])),
-    "no rule": (lambda x: (jax.scipy.special.gammaln(x), jnp.linalg.svd(x)[1]), P),
+    "no rule": (lambda x: (jax.scipy.special.gammaln(x), jnp.linalg.qr(x)[1]), P),
+    "linear equations": (
+        lambda a, b: (
+            jnp.linalg.solve(a, b),
+            jnp.linalg.solve(a[0], b[0, :, 0]),
+            jnp.linalg.solve(a[0].T, b[1]),
+            lax.linalg.lu(a)[1:],
+            lax.linalg.lu(b)[0],
+            lax.linalg.lu_pivots_to_permutation(lax.linalg.lu(b)[1], 4),
+        ),
+        RNG.normal(size=(3, 4, 4)),
+        RNG.normal(size=(3, 4, 2)),
+    ),
+    "triangular equations": (
+        lambda a, b: [
+            lax.linalg.triangular_solve(
+                a,
+                b if left else b.mT,
+                left_side=left,
+                lower=lower,
+                transpose_a=transpose,
+                unit_diagonal=unit,
+            )
+            for left, lower, transpose, unit in itertools.product([False, True], repeat=4)
+        ],
+        RNG.normal(size=(3, 4, 4)) + 4 * np.eye(4),
+        RNG.normal(size=(3, 4, 2)),
+    ),
+    "a matrix without an inverse": (
+        lambda a: (lax.linalg.lu(a)[0], jnp.linalg.solve(a, jnp.ones(3))),
+        np.array([[0.0, 2.0, 1.0], [0.0, 1.0, 5.0], [0.0, 4.0, 2.0]]),
+    ),
+    "singular values": (
+        lambda a: (
+            jnp.linalg.svd(a, compute_uv=False),
+            [jnp.abs(one) for one in jnp.linalg.svd(a, full_matrices=False)],
+            jnp.linalg.svd(a.at[1, 0, 0].set(jnp.nan), compute_uv=False),
+            jnp.abs(jnp.linalg.svd(a.at[1, 0, 0].set(jnp.nan), full_matrices=False)[0]),
+        ),
+        RNG.normal(size=(3, 4, 3)),
+    ),
     "single precision": (lambda x: jnp.cos(x) / 3 + x**2, X.astype(np.float32)),
 }
 

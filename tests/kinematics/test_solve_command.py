@@ -110,7 +110,7 @@ def drawn(monkeypatch):
         calls.append((inputs, poses))
         return Figure()
 
-    monkeypatch.setattr("kinematics.plot.motion_figures.motion_figure", draw)
+    monkeypatch.setattr("kinematics.cli.drawing.motion_figure", draw)
     return calls
 
 

@@ -9,8 +9,8 @@ import pytest
 from pydantic import Field
 
 from designopt import Spec, Study, UserError, design_kind, designs
-from designopt.design_kind import Design, DesignKind
-from designopt.designs import load_design, read_tables
+from designopt.design_kind import Design, DesignKind, read_tables
+from designopt.designs import load_design
 from designopt.io.files import read_toml
 from designopt.io.spec import SpecFile
 from designopt.study import study as study_module

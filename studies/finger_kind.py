@@ -1,4 +1,8 @@
-"""Finger files as designs for ``designopt explore`` and ``designopt export``."""
+"""Finger files as designs for ``designopt explore`` and ``designopt export``.
+
+Beside the study's folder, whose settings it does not load: every command that reads a design's
+file loads all kinds.
+"""
 
 from __future__ import annotations
 
