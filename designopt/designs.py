@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from designopt.design_kind import Design, installed_kinds, kind_of_tables
 from designopt.errors import UserError
-from designopt.io.files import check_toml
+from designopt.io.files import check_toml, read_toml
 from designopt.study.result_folders import DOCUMENT, recorded_spec
 from designopt.study.settings import spec_of, spec_with
 from designopt.study.settings_file import read_config
