@@ -45,6 +45,8 @@ ABANDONED = 3600.0
 """Seconds after which a file that is still being written belongs to no process any more."""
 COMPILED = "/jax/core/compile/backend_compile_duration"
 """JAX's event of a program that XLA has compiled, or that was read from where it is kept."""
+STORES: list[Store] = []
+"""Where values are kept, if anywhere."""
 _FORGETTING: list[Callable[[], object]] = []
 """What lets go of programs that JAX does not keep itself; see `forget_with_programs`."""
 
@@ -62,14 +64,24 @@ NoCache = Annotated[
 """An option of commands that compile; they call `keep_programs` before anything is compiled."""
 
 
+def keep_values() -> None:
+    """Let `kept.kept_value` keep values from now on, unless the user has it otherwise."""
+    folder = program_folder()
+    if not STORES and folder is not None and is_usable(folder):
+        STORES.append(Store(folder))
+
+
 def keep_programs() -> None:
     """Load JAX, and let it keep what is compiled from now on, unless the user has it otherwise.
+
+    Values are kept, too.
 
     A folder that cannot be used is passed over, with a warning where the user named it. What is
     compiled is logged at level DEBUG.
     """
     if LOG.isEnabledFor(logging.DEBUG):
         _log_compiling()
+    keep_values()
     folder = program_folder()
     if folder is None:
         return
@@ -81,7 +93,7 @@ def keep_programs() -> None:
         compilation_cache, "get_file_cache"
     ):
         return
-    if not is_usable(folder):
+    if folder_fault(folder):
         return
     compilation_cache.get_file_cache = lambda path: (Store(Path(path)), path)
     jax.config.update("jax_compilation_cache_dir", str(folder))

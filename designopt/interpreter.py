@@ -7,6 +7,7 @@ counterpart for, JAX computes, one operation at a time.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -48,7 +49,7 @@ class Interpreter:
         """
         self._program = translate(traced.jaxpr)
         self._types = [var.aval.dtype for var in traced.jaxpr.jaxpr.invars]
-        self._tree = jax.tree.structure(traced.out_info)
+        self._tree = Structure(jax.tree.structure(traced.out_info))
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """What the function returns, in NumPy arrays."""
@@ -56,7 +57,30 @@ class Interpreter:
         given = [np.asarray(one, dtype) for one, dtype in zip(leaves, self._types, strict=True)]
         with np.errstate(all="ignore"):
             found = self._program(*given)
-        return jax.tree.unflatten(self._tree, [np.asarray(one) for one in found])
+        return jax.tree.unflatten(self._tree.definition, [np.asarray(one) for one in found])
+
+
+@dataclass(frozen=True)
+class Structure:
+    """How a tree is nested, in a form that can be pickled where its nodes can.
+
+    Example:
+        >>> import pickle
+        >>> structure = Structure(jax.tree.structure({"a": (1.5, None)}))
+        >>> pickle.loads(pickle.dumps(structure)) == structure
+        True
+    """
+
+    definition: Any
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # What JAX has of it cannot be pickled, but a tree of it can.
+        tree = jax.tree.unflatten(self.definition, range(self.definition.num_leaves))
+        return _structure_of, (tree,)
+
+
+def _structure_of(tree: Any) -> Structure:
+    return Structure(jax.tree.structure(tree))
 
 
 def interpret(function: Callable[..., Any], *args: Any) -> Any:
@@ -113,24 +137,6 @@ def translate(program: ClosedJaxpr) -> NumpyProgram:
     with np.errstate(all="ignore"):
         found = translation.add(program.jaxpr, constants, given)
     return translation.program(given, found)
-
-
-def is_all_numpy(program: NumpyProgram) -> bool:
-    """Whether nothing of a program is left to JAX, so that it can be pickled.
-
-    Example:
-        >>> is_all_numpy(translate(jax.jit(jnp.sqrt).trace(9.0).jaxpr))
-        True
-    """
-    return all(map(_is_numpy, program.steps))
-
-
-def _is_numpy(step: Step) -> bool:
-    if isinstance(step.operation, _ByJax):
-        return False
-    named = step.operation.keywords if isinstance(step.operation, partial) else {}
-    called = [*named.get("programs", ()), *(named.get(one) for one in ("condition", "body"))]
-    return all(is_all_numpy(one) for one in called if one is not None)
 
 
 class _Translation:
@@ -225,6 +231,9 @@ class _ByJax:
 
     def __init__(self, equation: JaxprEqn) -> None:
         self._primitive, self._params = equation.primitive, equation.params
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        raise TypeError(f"{self._primitive} is computed by JAX: it cannot be pickled")
 
     def __call__(self, *args: Any) -> Any:
         given = self._primitive.get_bind_params(self._params)

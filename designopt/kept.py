@@ -1,8 +1,7 @@
 """What is worked out once for a topology: plans and programs, kept between commands.
 
-They lie beside compiled programs, in the folder that `compilation_cache` chooses, and only where a
-command has asked for it by `keep`. No result is kept: whatever depends on a dimension or an input
-is computed.
+They lie beside compiled programs, where a command has asked for it (`compilation_cache`). No result
+is kept: whatever depends on a dimension or an input is computed.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from designopt.compilation_cache import Store, is_usable, program_folder
+from designopt.compilation_cache import STORES
 from designopt.numpy_program import NumpyProgram
 
 PACKAGES = ("designopt", "kinematics", "optics", "perception", "studies")
@@ -26,15 +25,6 @@ PACKAGES = ("designopt", "kinematics", "optics", "perception", "studies")
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
-_STORES: list[Store] = []
-"""The one that is used, if any."""
-
-
-def keep() -> None:
-    """Keep values between processes from now on, where the user has it so."""
-    folder = program_folder()
-    if not _STORES and folder is not None and is_usable(folder):
-        _STORES.append(Store(folder))
 
 
 def kept(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
@@ -58,7 +48,7 @@ def kept(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
         def work_out() -> Result:
             return function(*args, **kwargs)
 
-        return _kept_value(f"{name} {args!r} {kwargs!r}", work_out)
+        return kept_value(f"{name} {args!r} {kwargs!r}", work_out)
 
     return wrapped
 
@@ -81,7 +71,7 @@ def compute(place: str, arguments: Any, *fixed: Any) -> dict[str, np.ndarray]:
     leaves = [np.asarray(one) for one in leaves_of(arguments)]
     types = [(one.shape, one.dtype.str) for one in leaves]
     key = f"{place} {types!r} {_shape_of(arguments)!r} {fixed!r}"
-    names, program = _kept_value(key, functools.partial(_traced, place, arguments, fixed))
+    names, program = kept_value(key, functools.partial(_traced, place, arguments, fixed))
     with np.errstate(all="ignore"):
         found = program(*leaves)
     return dict(zip(names, map(np.asarray, found), strict=True))
@@ -120,10 +110,20 @@ def _traced(place: str, arguments: Any, fixed: tuple[Any, ...]) -> tuple[list[st
     return named_program(lambda given: function(given, *fixed), arguments)
 
 
-def _kept_value(key: str, work_out: Callable[[], Result]) -> Result:
-    if not _STORES:
+def kept_value(key: str, work_out: Callable[[], Result]) -> Result:
+    """A value that is kept by its key; what cannot be pickled is worked out each time.
+
+    Args:
+        key: a text of all that decides the value, but for our own code and what that uses.
+        work_out: what is kept is not called.
+
+    Example:
+        >>> kept_value("the number of bars", lambda: 4)
+        4
+    """
+    if not STORES:
         return work_out()
-    store, key = _STORES[0], f"{_fingerprint()} {key}"
+    store, key = STORES[0], f"{_fingerprint()} {key}"
     if (found := store.get(key)) is not None:
         # The folder is the user's alone, as it is for the machine code beside it.
         return pickle.loads(found)

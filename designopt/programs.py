@@ -16,7 +16,8 @@ import numpy as np
 from jax.core import Tracer
 
 from designopt.batching import side_by_side
-from designopt.interpreter import Interpreter
+from designopt.interpreter import Interpreter, Structure
+from designopt.kept import kept_value
 
 QUICK = {"xla_cpu_use_fusion_emitters": False}
 """Options of XLA, as `jax.jit` takes them: less than half the time, for programs as fast."""
@@ -69,6 +70,11 @@ class Program:
         """What it returns once it is compiled, which it is if need be."""
         return self.compiled(*args, **kwargs).unpacked()
 
+    def divided(self, kwargs: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Named arguments that are static, and the others."""
+        fixed = {name: kwargs[name] for name in self.static if name in kwargs}
+        return fixed, {name: value for name, value in kwargs.items() if name not in fixed}
+
     def when_compiled(self, *args: Any, **kwargs: Any) -> Any:
         """The same; ``None`` where it is not compiled yet while a `Prompt` answers."""
         prompt = _ANSWERING.get()
@@ -94,7 +100,7 @@ class _Packed:
     """
 
     arrays: dict[str, Any]
-    tree: Any = field(metadata={"static": True})
+    tree: Structure = field(metadata={"static": True})
     parts: tuple[tuple[str, int, tuple[int, ...]], ...] = field(metadata={"static": True})
 
     @classmethod
@@ -110,7 +116,7 @@ class _Packed:
             parts.append((name, sum(one.size for one in before), leaf.shape))
             before.append(leaf.reshape(-1))
         whole = {name: jnp.concatenate(several) for name, several in arrays.items()}
-        return cls(whole, tree, tuple(parts))
+        return cls(whole, Structure(tree), tuple(parts))
 
     def unpacked(self) -> Any:
         arrays = {name: np.asarray(array) for name, array in self.arrays.items()}
@@ -118,7 +124,7 @@ class _Packed:
             arrays[name][start : start + math.prod(shape)].reshape(shape)
             for name, start, shape in self.parts
         ]
-        return jax.tree.unflatten(self.tree, leaves)
+        return jax.tree.unflatten(self.tree.definition, leaves)
 
 
 @functools.cache
@@ -136,6 +142,7 @@ class _Call:
     """A program with arguments of one structure; what computes it until it is compiled."""
 
     run: Callable[[], Any]
+    interpret: Callable[[], Interpreter]
     interpreter: Interpreter | None = None
     is_compiled: bool = False
     fault: Exception | None = None
@@ -210,22 +217,36 @@ class Prompt:
         call = self._call(program, args, kwargs)
         if call.is_compiled:
             return program.run(*args, **kwargs)
-        given = {name: value for name, value in kwargs.items() if name not in program.static}
         if (interpreter := call.interpreter) is None:
-            # What is traced here is what XLA compiles later: JAX keeps it.
-            interpreter = call.interpreter = Interpreter(program.compiled.trace(*args, **kwargs))
+            interpreter = call.interpreter = call.interpret()
+        _, given = program.divided(kwargs)
         return interpreter(*args, **given).unpacked()
 
     def _call(self, program: Program, args: Any, kwargs: Any) -> _Call:
-        fixed = {name: kwargs[name] for name in program.static if name in kwargs}
-        given = {name: value for name, value in kwargs.items() if name not in fixed}
+        fixed, given = program.divided(kwargs)
         leaves, tree = jax.tree.flatten((args, given))
         types = tuple(map(_type_of, leaves))
         key = program, tuple(fixed.items()), tree, types
         if key not in self._calls:
             _ = program.compiled  # one for all threads that are to compile it
-            self._calls[key] = _Call(functools.partial(program.run, *args, **kwargs))
+            self._calls[key] = _Call(
+                functools.partial(program.run, *args, **kwargs),
+                functools.partial(_interpreter, program, args, kwargs, key[1:]),
+            )
         return self._calls[key]
+
+
+def _interpreter(program: Program, args: Any, kwargs: Any, key: Any) -> Interpreter:
+    """What computes a program by NumPy; it is kept between commands where it has a name."""
+
+    def trace() -> Interpreter:
+        # What is traced here is what XLA compiles later: JAX keeps it.
+        return Interpreter(program.compiled.trace(*args, **kwargs))
+
+    name = f"{program.__module__}.{program.__qualname__}"
+    if "<" in name:  # of a function within another one, or without a name
+        return trace()
+    return kept_value(f"{name} {key} {jax.config.jax_enable_x64}", trace)
 
 
 def _type_of(leaf: Any) -> tuple[Any, Any]:

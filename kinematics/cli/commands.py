@@ -10,7 +10,7 @@ import typer
 
 from designopt.cli.completion import complete_toml
 from designopt.cli.verbosity import NOTE
-from designopt.compilation_cache import NoCache
+from designopt.compilation_cache import NoCache, keep_values
 from designopt.errors import UserError
 from designopt.io.files import check_toml
 
@@ -67,11 +67,10 @@ def solve(
       designopt solve four-bar.toml --sweep crank=0:360:37 --csv four-bar.csv
     """
     check_toml(file, "linkage")
+    keep_values()
     # Loaded here, so that listing the commands loads neither NumPy nor what reads linkages.
-    from designopt.kept import keep
     from kinematics.cli.solving import Request, print_plan, solve_file
 
-    keep()
     if plan:
         if sweep or rate or accel or figure or animation:
             raise UserError("--plan: it solves nothing; leave out what asks for poses")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from designopt.errors import UserError
+from designopt.programs import Program, Prompt
 from designopt.solution import Solution
 from optics.scene.imaging import Imaging
 from optics.scene.scene import Layout, Scene, place
@@ -26,6 +28,12 @@ from optics.visibility.sharpness import PARTS, ROUNDING, Sharpness, find_sharpne
 from optics.visibility.tracing import Hits, trace_rays
 from optics.visibility.unfolding import paths_of, unfold_all
 from optics.visibility.views import Pieces, name_paths
+
+SIZES = (1, 8, 64, 512)
+"""Poses that are computed at a time."""
+
+MOST_BY_NUMPY = 2048
+"""Of more poses, compiling takes less time than NumPy does."""
 
 MEMORY = 2**28
 """Bytes that one block of poses may take, about."""
@@ -130,6 +138,8 @@ def trace_sweep(
 ) -> SceneTrace:
     """What the camera sees and where rays go.
 
+    Few poses are computed by NumPy, for which nothing is compiled.
+
     Args:
         scene: the scene.
         angles_deg: joint angles in the order of ``scene.angle_names``, degrees.
@@ -148,7 +158,24 @@ def trace_sweep(
             f"--bounces {bounces}: {paths:,} paths in {len(angles_deg):,} poses do not fit into "
             "memory; ask for fewer reflections, or sweep fewer poses"
         )
-    block, poses = max(MEMORY // size, 1), np.deg2rad(angles_deg)
+    with Prompt().answering() if len(angles_deg) <= MOST_BY_NUMPY else nullcontext():
+        # A program is for all scenes that differ in their title and dimensions alone.
+        found = _trace(
+            replace(scene, layout=replace(layout, name="")), angles_deg, bounces, rays, size
+        )
+    names, words = name_paths(layout, bounces), paths_of(layout, bounces)
+    return SceneTrace(scene, bounces, names, words, angles_deg, *found)
+
+
+def _trace(
+    scene: Scene,
+    angles_deg: Poses,
+    bounces: int,
+    rays: Float[np.ndarray, "rays 3"],
+    size: int,
+) -> tuple[Views | None, Images | None, np.ndarray, Hits | None, LayerImages | None]:
+    layout, poses = scene.layout, np.deg2rad(angles_deg)
+    block = max(MEMORY // size, 1)
     views = images = hits = layers = None
     if layout.pads:
         views = _views(scene, poses, bounces, block)
@@ -156,24 +183,21 @@ def trace_sweep(
         shown = partial(_images, scene, bounces=bounces)
         images = Images(*_joined(_in_blocks(shown, block, poses)))
     if len(rays):
-        follow = partial(
-            _follow, scene, jnp.asarray(rays[:, :2]), jnp.deg2rad(rays[:, 2]), bounces=bounces
-        )
+        follow = partial(_follow, scene, rays[:, :2], np.deg2rad(rays[:, 2]), bounces=bounces)
         hits = _joined(_in_blocks(follow, block, poses))
     if scene.layers is not None:
         shown = partial(_layer_images, scene, Imaging.of(scene.camera), bounces=bounces)
         layers = _joined(_in_blocks(shown, block, poses))
-    names = name_paths(layout, bounces)
-    words = paths_of(layout, bounces)
-    return SceneTrace(scene, bounces, names, words, angles_deg, views, images, rays, hits, layers)
+    return views, images, rays, hits, layers
 
 
 def _views(scene: Scene, poses: Poses, bounces: int, block: int) -> Views:
-    engine = trace_views if scene.layout.curved else find_views
-    seen = _in_blocks(lambda part: engine(scene, part, bounces=bounces), block, poses)
-    parts = [_with_room(part, max(_most_pieces(part), 1)) for part in seen]
-    max_pieces = max(part.value.present.shape[-1] for part in parts)
-    found = _joined(_with_room(part, max_pieces) for part in parts)
+    seen = _in_blocks(lambda part: _seen(scene, part, bounces=bounces), block, poses)
+    parts = [(_with_room(one, max(_most_pieces(one), 1)), *more) for one, *more in seen]
+    max_pieces = max(found.value.present.shape[-1] for found, *_ in parts)
+    found, coverage, redundancy = _joined(
+        (_with_room(one, max_pieces), *more) for one, *more in parts
+    )
 
     def measure(part: Array, pieces: Pieces) -> Sharpness:
         return find_sharpness(scene, np.asarray(part), pieces, bounces=bounces)
@@ -181,29 +205,33 @@ def _views(scene: Scene, poses: Poses, bounces: int, block: int) -> Views:
     # What is compared of a pad: all pieces at places between all of their ends.
     compared = 48 * len(scene.layout.pads) * 2 * max_pieces**2 * PARTS
     block = max(MEMORY // compared, 1)
-    coverage, redundancy = _totals(found.value)
     sharpness = _joined(_in_blocks(measure, block, poses, found.value))
     focus = working = None
     if scene.camera.lens is not None:
-        blurred = jax.jit(jax.vmap(lambda pieces: find_focus(scene, pieces)))
-        focus = jax.tree.map(np.asarray, blurred(found.value))
-        distances = jnp.asarray(sharpness.object_distance)
-        working = np.asarray(jax.jit(find_blur)(scene.camera, distances))
-    return Views(
-        found,
-        jax.tree.leaves(found.result)[0],
-        np.asarray(coverage),
-        np.asarray(redundancy),
-        sharpness,
-        focus,
-        working,
-    )
+        focus = _focus(scene, found.value)
+        working = _blur(scene.camera, sharpness.object_distance)
+    codes = jax.tree.leaves(found.result)[0]
+    return Views(found, codes, coverage, redundancy, sharpness, focus, working)
 
 
-@jax.jit
-def _totals(pieces: Pieces) -> tuple[Float[Array, "poses pads"], Float[Array, "poses pads"]]:
-    coverage = pieces.coverage()
-    return jnp.where(coverage > ROUNDING, coverage, 0.0), pieces.redundancy()
+@partial(Program, static_argnames=["bounces"])
+def _seen(
+    scene: Scene, poses: Float[Array, "poses joints"], *, bounces: int
+) -> tuple[Solution[Pieces], Float[Array, "poses pads"], Float[Array, "poses pads"]]:
+    """The pieces of all pads, and their coverage and redundancy."""
+    engine = trace_views if scene.layout.curved else find_views
+    found = engine(scene, poses, bounces=bounces)
+    coverage = found.value.coverage()
+    coverage = jnp.where(coverage > ROUNDING, coverage, 0.0)
+    return found, coverage, found.value.redundancy()
+
+
+@Program
+def _focus(scene: Scene, pieces: Pieces) -> Focus:
+    return jax.vmap(lambda pieces: find_focus(scene, pieces))(pieces)
+
+
+_blur = Program(find_blur)
 
 
 def _most_pieces(found: Solution[Pieces]) -> int:
@@ -221,7 +249,7 @@ def _with_room(found: Solution[Pieces], max_pieces: int) -> Solution[Pieces]:
     return eqx.tree_at(lambda found: found.value, found, jax.tree.map(resized, found.value))
 
 
-@partial(jax.jit, static_argnames="bounces")
+@partial(Program, static_argnames=["bounces"])
 def _images(
     scene: Scene, poses: Float[Array, "poses joints"], *, bounces: int
 ) -> tuple[Float[Array, "poses paths 2"], Bool[Array, "poses paths"]]:
@@ -235,7 +263,7 @@ def _images(
     return jax.vmap(in_pose)(poses)
 
 
-@partial(jax.jit, static_argnames="bounces")
+@partial(Program, static_argnames=["bounces"])
 def _layer_images(
     scene: Scene, imaging: Imaging, poses: Float[Array, "poses joints"], *, bounces: int
 ) -> LayerImages:
@@ -258,7 +286,7 @@ def _layer_images(
     return jax.vmap(in_pose)(poses)
 
 
-@partial(jax.jit, static_argnames="bounces")
+@partial(Program, static_argnames=["bounces"])
 def _follow(
     scene: Scene,
     starts: Float[Array, "rays 2"],
@@ -275,11 +303,11 @@ def _follow(
 def _in_blocks(function: Callable[..., Any], size: int, *trees: Any) -> Iterator[Any]:
     """A function of poses, applied to so many at a time; results in NumPy arrays."""
     count = len(jax.tree.leaves(trees)[0])
-    size = min(size, count)
+    # Blocks are filled up to few sizes, so that programs serve further blocks and sweeps.
+    size = min(size, next((size for size in SIZES if count <= size), SIZES[-1]))
     for begin in range(0, count, size):
-        # The last block is filled up, so that one compiled program serves all.
         rows = np.minimum(np.arange(begin, begin + size), count - 1)
-        found = function(*jax.tree.map(lambda leaf, rows=rows: jnp.asarray(leaf[rows]), trees))
+        found = function(*jax.tree.map(lambda leaf, rows=rows: np.asarray(leaf)[rows], trees))
         yield jax.tree.map(lambda leaf, left=count - begin: np.asarray(leaf)[:left], found)
 
 
