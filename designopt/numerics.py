@@ -10,6 +10,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 TO_ROUNDING = 60
@@ -172,7 +173,12 @@ def as_float(value: ArrayLike) -> Float[Array, "..."]:
         >>> float(as_float(1)), as_float(1).dtype.kind
         (1.0, 'f')
     """
+    if isinstance(value, (int, float, np.ndarray)):
+        # Each operation of JAX's outside of a program is one that is compiled, as is `asarray`.
+        numbers = np.asarray(value)
+        is_float = isinstance(value, np.ndarray) and jnp.issubdtype(numbers.dtype, jnp.floating)
+        return jax.device_put(numbers if is_float else numbers.astype(jnp.result_type(float)))
     array = jnp.asarray(value)
-    if isinstance(value, (int, float)) or not jnp.issubdtype(array.dtype, jnp.floating):
+    if not jnp.issubdtype(array.dtype, jnp.floating):
         return array.astype(jnp.result_type(float))
     return array

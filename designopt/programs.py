@@ -141,6 +141,7 @@ def known_options() -> dict[str, Any]:
 class _Call:
     """A program with arguments of one structure; what computes it until it is compiled."""
 
+    program: Program
     run: Callable[[], Any]
     interpret: Callable[[], Interpreter]
     interpreter: Interpreter | None = None
@@ -202,6 +203,8 @@ class Prompt:
         """
         tried = list[_Call]()
         while waiting := [one for one in [*self._calls.values()] if one.waits]:
+            for one in waiting:
+                _ = one.program.compiled  # one for all threads that are to compile it
             side_by_side([one.compile for one in waiting])
             tried += waiting
         for fault in (one.fault for one in tried):
@@ -228,8 +231,8 @@ class Prompt:
         types = tuple(map(_type_of, leaves))
         key = program, tuple(fixed.items()), tree, types
         if key not in self._calls:
-            _ = program.compiled  # one for all threads that are to compile it
             self._calls[key] = _Call(
+                program,
                 functools.partial(program.run, *args, **kwargs),
                 functools.partial(_interpreter, program, args, kwargs, key[1:]),
             )

@@ -9,7 +9,9 @@ from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import Array
 
+from designopt.programs import Program
 from optics.cli.layer_report import outline_of_view, second_images_of
 from optics.scene.camera import Camera
 from optics.scene.scene import Layout
@@ -70,7 +72,7 @@ def _text(value: Any, indent: int) -> str:
 
 def _camera(camera: Camera) -> Entry:
     """Fields of view on the axes of the sensor, or of a 4:3 sensor that lies one way or another."""
-    entry: Entry = {"focal_length_px": float(camera.focal_pixels)}
+    entry: Entry = {"focal_length_px": float(_focal_pixels(camera))}
     if camera.sensor is not None:
         return entry | {"field_of_view_deg": fields_of_view(camera)}
     sides = {"short": 4 / 3, "long": 3 / 4}
@@ -83,8 +85,7 @@ def _lens(camera: Camera) -> Entry | None:
     if lens is None:
         return None
     focus = 1 / lens.focus_vergence().value
-    pixel = camera.pixel_size
-    limits = lens.depth_of_field(pixel).value.tolist()
+    pixel, focus, magnification, limits = _lens_numbers(camera)
     return {
         "focal_length_mm": float(lens.focal_length),
         "aperture_mm": float(lens.aperture),
@@ -92,10 +93,24 @@ def _lens(camera: Camera) -> Entry | None:
         "pixel_mm": float(pixel),
         # Infinity: null, as of what is sharp.
         "focus_mm": float(focus) if math.isfinite(focus) else None,
-        "magnification": float(lens.image(focus).value.magnification),
+        "magnification": float(magnification),
         # Where a point is blurred by no more than a pixel.
-        "sharp_mm": [1 / vergence if vergence > 0 else None for vergence in limits],
+        "sharp_mm": [1 / vergence if vergence > 0 else None for vergence in limits.tolist()],
     }
+
+
+@Program
+def _focal_pixels(camera: Camera) -> Array:
+    return camera.focal_pixels
+
+
+@Program
+def _lens_numbers(camera: Camera) -> tuple[Array, Array, Array, Array]:
+    """Size of a pixel, distance of focus, magnification there, and vergences that are sharp."""
+    lens, pixel = camera.lens, camera.pixel_size
+    assert lens is not None
+    focus = 1 / lens.focus_vergence().value
+    return pixel, focus, lens.image(focus).value.magnification, lens.depth_of_field(pixel).value
 
 
 def _pose(trace: SceneTrace, index: int) -> Entry:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 import jax
@@ -14,12 +15,16 @@ from designopt.design_kind import read_tables
 from designopt.errors import UserError
 from designopt.io.files import check_figure_ending, check_targets, replaced_when_complete
 from designopt.io.ranges import LARGEST_INPUT, grid_of, single_values
+from designopt.programs import Prompt
 from optics.cli.report import document_of, lines_of
 from optics.scene.file import MOST_BOUNCES
 from optics.scene.reading import parse_scene
 from optics.scene.scene import Scene
 from optics.visibility.remarks import remark_on_fields, remarks_on, remarks_on_model
 from optics.visibility.scene_trace import trace_sweep
+
+MOST_BY_NUMPY = 2048
+"""More poses are computed by programs that are compiled, which takes longer than few poses do."""
 
 MOST_POSES = 250_000
 """A larger grid makes gigabytes of JSON."""
@@ -64,10 +69,13 @@ def trace_file(
             f"--bounces {bounces}: that many reflections cannot be followed; "
             f"ask for 0 to {MOST_BOUNCES}"
         )
-    with jax.enable_x64(True):
+    with ExitStack() as stack:
+        stack.enter_context(jax.enable_x64(True))
         tables = read_tables(file, "scene", "camera")
         scene = parse_scene(tables, str(file))
         angles = posed_angles(scene, poses, sweeps)
+        if len(angles) <= MOST_BY_NUMPY:
+            stack.enter_context(Prompt().answering())
         starts = np.array([_ray(text) for text in rays]).reshape(-1, 3)
         if chart is not None:
             _check_drawable(scene, angles, chart)

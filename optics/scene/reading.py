@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -17,6 +16,7 @@ from designopt.design_kind import read_tables
 from designopt.errors import UserError
 from designopt.io.files import printable
 from designopt.io.spec_files import validated
+from designopt.numerics import as_float
 from optics.scene.camera import Camera, Sensor
 from optics.scene.camera_module import LINES, NAME, CameraModule
 from optics.scene.file import (
@@ -136,12 +136,16 @@ def build_scene(file: SceneFile, source: str) -> Scene:
     return Scene(
         camera=build_camera(file.camera),
         mirrors=_ends(file.mirrors),
-        radii=jnp.asarray([file.mirrors[i].radius for i in curved], float),
-        conics=jnp.asarray([file.mirrors[i].conic or 0.0 for i in curved], float),
+        radii=as_float(np.asarray([file.mirrors[i].radius for i in curved], float)),
+        conics=as_float(np.asarray([file.mirrors[i].conic or 0.0 for i in curved], float)),
         pads=_ends(file.pads),
-        grazing=jnp.asarray([math.radians(pad.min_grazing_deg) for pad in file.pads], float),
+        grazing=as_float(
+            np.asarray([math.radians(pad.min_grazing_deg) for pad in file.pads], float)
+        ),
         blockers=_ends(file.blockers),
-        hinges=jnp.asarray(np.reshape([file.frames[name].hinge for name in names], (-1, 2)), float),
+        hinges=as_float(
+            np.asarray(np.reshape([file.frames[name].hinge for name in names], (-1, 2)), float)
+        ),
         layout=layout,
         layers=_layers(file.pads) if layout.layers else None,
         widths=_widths(file.pads),
@@ -201,7 +205,7 @@ def _sheets(mirrors: Sequence[MirrorTable]) -> MirrorLayers:
 def _widths(pads: Sequence[PadTable]) -> Float[Array, " pads"] | None:
     if all(pad.width is None for pad in pads):
         return None
-    return jnp.asarray([math.nan if pad.width is None else pad.width for pad in pads])
+    return as_float(np.array([math.nan if pad.width is None else pad.width for pad in pads]))
 
 
 def _bounces(file: SceneFile) -> int:
@@ -214,7 +218,9 @@ def _bounces(file: SceneFile) -> int:
 
 
 def _ends(tables: Sequence[SurfaceTable]) -> Float[Array, "surfaces 2 2"]:
-    return jnp.asarray(np.reshape([(part.start, part.end) for part in tables], (-1, 2, 2)), float)
+    return as_float(
+        np.asarray(np.reshape([(part.start, part.end) for part in tables], (-1, 2, 2)), float)
+    )
 
 
 def build_camera(table: CameraTable) -> Camera:
@@ -225,14 +231,14 @@ def build_camera(table: CameraTable) -> Camera:
         along, across = table.section_side, 1 - table.section_side
         field = sold.field
         sensor = Sensor(
-            size=jnp.asarray([size.sensor_mm[along], size.sensor_mm[across]], float),
+            size=as_float(np.asarray([size.sensor_mm[along], size.sensor_mm[across]], float)),
             aspect=size.pixels[across] / size.pixels[along],
             focal_length=sold.focal_length,
             image_circle=table.image_circle_mm,
         )
     offset = table.axis_offset_px
     return Camera(
-        position=jnp.asarray(table.position, float),
+        position=as_float(np.asarray(table.position, float)),
         direction=math.radians(table.direction_deg),
         field_of_view=field,
         pixels=table.section_pixels,
@@ -241,13 +247,15 @@ def build_camera(table: CameraTable) -> Camera:
         sensor=sensor,
         module=None if table.module is None else _module(table.module),
         max_blur=table.max_blur_px,
-        pupil_shift=None if table.pupil_shift is None else jnp.asarray(table.pupil_shift, float),
-        axis_offset=None if offset is None else jnp.asarray(offset, float),
+        pupil_shift=None
+        if table.pupil_shift is None
+        else as_float(np.asarray(table.pupil_shift, float)),
+        axis_offset=None if offset is None else as_float(np.asarray(offset, float)),
     )
 
 
 def _module(table: ModuleTable) -> CameraModule:
-    return CameraModule(**table.model_dump() | {"board": jnp.asarray(table.board, float)})
+    return CameraModule(**table.model_dump() | {"board": as_float(np.asarray(table.board, float))})
 
 
 def _lens(table: LensTable) -> ThinLens:

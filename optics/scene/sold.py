@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
+from designopt.numerics import as_float
 from optics.scene.camera import CLASSICAL, Camera, KannalaBrandt, Projection
 
 AGREEMENT = 0.01
@@ -44,7 +44,7 @@ def projection_of(entry: Entry) -> Projection:
     """The projection that an entry of a file stands for."""
     if isinstance(entry, str):
         return CLASSICAL[entry]
-    return KannalaBrandt(jnp.asarray(entry, float))
+    return KannalaBrandt(as_float(np.array(entry)))
 
 
 def projection_entry(projection: Projection) -> str | list[float]:
@@ -131,7 +131,7 @@ def imaged_angle(projection: Projection, height: float) -> float | None:
     widest = projection.widest
     if height >= _height(projection, widest):
         return None
-    return float(projection.angle(jnp.asarray(height, float)))
+    return float(projection.angle(as_float(height)))
 
 
 def fields_of_view(camera: Camera, across: float = 4 / 3) -> dict[Axis, float | None]:
@@ -142,6 +142,7 @@ def fields_of_view(camera: Camera, across: float = 4 / 3) -> dict[Axis, float | 
         across: length of the sensor across the section over that along it, if the camera has none.
 
     Example:
+        >>> import jax.numpy as jnp
         >>> from optics import Camera, Equidistant
         >>> camera = Camera(jnp.zeros(2), 0.0, math.radians(90), 100, Equidistant())
         >>> [round(field, 4) for field in fields_of_view(camera).values()]
@@ -169,4 +170,4 @@ def _extents(one: float, other: float) -> dict[Axis, float]:
 
 
 def _height(projection: Projection, angle: float) -> float:
-    return float(projection.height(jnp.asarray(angle, float)))
+    return float(projection.height(as_float(angle)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -15,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from designopt.errors import UserError
-from designopt.programs import Program, Prompt
+from designopt.programs import Program
 from designopt.solution import Solution
 from optics.scene.imaging import Imaging
 from optics.scene.scene import Layout, Scene, place
@@ -31,9 +30,6 @@ from optics.visibility.views import Pieces, name_paths
 
 SIZES = (1, 8, 64, 512)
 """Poses that are computed at a time."""
-
-MOST_BY_NUMPY = 2048
-"""Of more poses, compiling takes less time than NumPy does."""
 
 MEMORY = 2**28
 """Bytes that one block of poses may take, about."""
@@ -138,8 +134,6 @@ def trace_sweep(
 ) -> SceneTrace:
     """What the camera sees and where rays go.
 
-    Few poses are computed by NumPy, for which nothing is compiled.
-
     Args:
         scene: the scene.
         angles_deg: joint angles in the order of ``scene.angle_names``, degrees.
@@ -158,24 +152,9 @@ def trace_sweep(
             f"--bounces {bounces}: {paths:,} paths in {len(angles_deg):,} poses do not fit into "
             "memory; ask for fewer reflections, or sweep fewer poses"
         )
-    with Prompt().answering() if len(angles_deg) <= MOST_BY_NUMPY else nullcontext():
-        # A program is for all scenes that differ in their title and dimensions alone.
-        found = _trace(
-            replace(scene, layout=replace(layout, name="")), angles_deg, bounces, rays, size
-        )
-    names, words = name_paths(layout, bounces), paths_of(layout, bounces)
-    return SceneTrace(scene, bounces, names, words, angles_deg, *found)
-
-
-def _trace(
-    scene: Scene,
-    angles_deg: Poses,
-    bounces: int,
-    rays: Float[np.ndarray, "rays 3"],
-    size: int,
-) -> tuple[Views | None, Images | None, np.ndarray, Hits | None, LayerImages | None]:
-    layout, poses = scene.layout, np.deg2rad(angles_deg)
-    block = max(MEMORY // size, 1)
+    # Programs are for all scenes that differ in their title and in dimensions alone.
+    given, scene = scene, replace(scene, layout=replace(layout, name=""))
+    block, poses = max(MEMORY // size, 1), np.deg2rad(angles_deg)
     views = images = hits = layers = None
     if layout.pads:
         views = _views(scene, poses, bounces, block)
@@ -188,7 +167,9 @@ def _trace(
     if scene.layers is not None:
         shown = partial(_layer_images, scene, Imaging.of(scene.camera), bounces=bounces)
         layers = _joined(_in_blocks(shown, block, poses))
-    return views, images, rays, hits, layers
+    names = name_paths(layout, bounces)
+    words = paths_of(layout, bounces)
+    return SceneTrace(given, bounces, names, words, angles_deg, views, images, rays, hits, layers)
 
 
 def _views(scene: Scene, poses: Poses, bounces: int, block: int) -> Views:

@@ -18,8 +18,8 @@ from pydantic import ValidationError
 from designopt.compilation_cache import forget_programs_if_many
 from designopt.study.records import Records
 from designopt.study.settings import fields
-from studies.finger import FingerSpec
 from studies.finger.designing import Designer
+from studies.finger.spec import FingerSpec
 from studies.models.linkage_kinds import KindName
 
 

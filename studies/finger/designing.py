@@ -16,7 +16,7 @@ from designopt.study.study import Context
 from kinematics.io.assembling import Equations
 from kinematics.io.sketch import parse_sketch
 from kinematics.io.sketch_geometry import measure_sketch
-from studies.finger import FingerSpec
+from studies.finger.spec import FingerSpec
 from studies.models.checks import Check
 from studies.models.finger import Finger, camera_of
 from studies.models.finger_parts import PHALANGES

@@ -24,10 +24,10 @@ from designopt.study.records import Records
 from designopt.study.report import Report
 from designopt.study.results import Results
 from designopt.study.study import Context
-from studies.finger import FingerSpec, SpringSpec
 from studies.finger.advice import Advice, advice_rows, advise
 from studies.finger.designing import Designer, FingerDesign, requirements
 from studies.finger.kind import FINGER, finger_explorer, finger_parametric
+from studies.finger.spec import FingerSpec, SpringSpec
 from studies.models.finger import Finger, camera_of
 from studies.models.finger_file import packaged_or_designed, read_finger
 from studies.models.finger_parts import AXES, PHALANGES, FingerSpring

@@ -18,8 +18,8 @@ from designopt import UserError, cli
 from designopt.study.runner import run_study
 from designopt.study.study import Context
 from kinematics.solve.poses import solve_poses
-from studies.finger import FingerSpec
 from studies.finger.designing import Designer, degrees_of_freedom
+from studies.finger.spec import FingerSpec
 from studies.models.body import BodySpec
 from studies.models.finger import Finger, coupling_pins_of, links_of
 from studies.models.finger_file import format_finger, packaged_finger, parse_finger, write_finger

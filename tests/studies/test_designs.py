@@ -18,8 +18,8 @@ from kinematics.io.designed import DesignedLinkage
 from optics import Chamber, find_coverage
 from optics.chamber.designed import DesignedChamber
 from optics.scene.designed import DesignedScene
-from studies.finger import FingerSpec
 from studies.finger.run import finger_design
+from studies.finger.spec import FingerSpec
 from studies.finger_linkage.run import design as linkage_design
 from studies.finger_mirrors.run import design as mirrors_design
 from studies.models import Finger, bare_finger, packaged_finger, write_finger

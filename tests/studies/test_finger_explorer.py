@@ -15,9 +15,9 @@ from kinematics.io.reading import parse_linkage
 from kinematics.solve.poses import solve_poses
 from optics.scene.reading import parse_scene
 from optics.visibility.coverage import find_coverage
-from studies.finger import FingerSpec
 from studies.finger.explorer import FingerExplorer
 from studies.finger.run import design as designed_by_study
+from studies.finger.spec import FingerSpec
 from studies.models.finger import Finger
 from studies.models.finger_file import packaged_finger
 from studies.models.finger_parametric.design import FingerParametric

@@ -14,10 +14,10 @@ from pydantic import ValidationError
 from designopt import cli
 from designopt.study.records import Records
 from designopt.study.study import Context
-from studies.finger import FingerSpec
 from studies.finger.designing import Designer
 from studies.finger.front import FingerFrontSpec
 from studies.finger.front import run as front
+from studies.finger.spec import FingerSpec
 from tests.commands import check_command_refused
 
 CONTEXT = Context(0, "float64", lambda _: nullcontext())

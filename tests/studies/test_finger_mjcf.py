@@ -23,8 +23,8 @@ import pytest
 
 from designopt import cli
 from designopt.errors import UserError
-from studies.finger import FingerSpec
 from studies.finger.run import finger_design, spring_from
+from studies.finger.spec import FingerSpec
 from studies.models import Finger
 from studies.models.finger import links_of, pins_of
 from studies.models.finger_file import bare_finger

@@ -13,7 +13,7 @@ import pytest
 from designopt.errors import UserError
 from designopt.optimize.design_search import search
 from designopt.optimize.parametric import free_parameters, shortfalls
-from studies.finger_kind import finger_parametric
+from studies.finger.kind import finger_parametric
 from studies.models.checks import Check
 from studies.models.finger import linkage_pins
 from studies.models.finger_file import finger_tables, packaged_finger

@@ -16,9 +16,9 @@ import pytest
 
 from designopt.study.records import Records
 from designopt.study.study import Context
-from studies.finger import FingerSpec
 from studies.finger.advice import Advice
 from studies.finger.designing import FingerDesign
+from studies.finger.spec import FingerSpec
 from studies.finger.verdicts import FingerVerdictsSpec
 from studies.finger.verdicts import run as verdicts
 from studies.models.finger import Finger, pins_of

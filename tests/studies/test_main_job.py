@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from designopt.cli import run as command
-from studies.finger import FingerSpec
 from studies.finger.run import finger_design
+from studies.finger.spec import FingerSpec
 from studies.models import packaged_finger
 from studies.models.linkage_design.judging import judged as judge_linkage
 from studies.models.linkage_design.spec import MotorSpec

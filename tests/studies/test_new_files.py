@@ -16,7 +16,7 @@ from designopt.file_template import FileTemplate, installed_templates
 from designopt.study.settings import Config, fields, spec_with
 from designopt.study.settings_file import format_settings, read_config
 from designopt.study.study import installed_studies, load_study
-from studies.finger import FingerSpec
+from studies.finger.spec import FingerSpec
 from studies.models.body import BodySpec
 from tests.helpers import GALLERY
 

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from designopt.study.settings import setting
 from designopt.study.study import Study, lazily
-from studies.finger import FingerSpec
+from studies.finger.spec import FingerSpec
 
 Objective = Literal[
     "transmission", "clearance", "thickness", "resolution", "yield", "layers", "coverage"

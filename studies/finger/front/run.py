@@ -22,7 +22,6 @@ from designopt.study.report import Report
 from designopt.study.results import Results
 from designopt.study.study import Context
 from studies.benchmarks.measuring import listed
-from studies.finger import FingerSpec
 from studies.finger.advice import value_of, with_value
 from studies.finger.designing import (
     Designer,
@@ -31,6 +30,7 @@ from studies.finger.designing import (
     with_linkage,
 )
 from studies.finger.front import VARIED, FingerFrontSpec
+from studies.finger.spec import FingerSpec
 from studies.models.finger import Finger
 from studies.models.finger_file import format_finger
 from studies.models.linkage_design.analysis import LinkageDesign

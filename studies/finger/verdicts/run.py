@@ -19,9 +19,9 @@ from designopt.study.report import Report
 from designopt.study.results import Results
 from designopt.study.study import Context
 from optics import find_coverage
-from studies.finger import FingerSpec
 from studies.finger.advice import advise, with_value
 from studies.finger.designing import Designer, FingerDesign, requirements
+from studies.finger.spec import FingerSpec
 from studies.finger.verdicts import FingerVerdictsSpec
 from studies.models.finger import Finger
 from studies.models.finger_file import write_finger

@@ -1,8 +1,4 @@
-"""Finger files as designs for ``designopt explore`` and ``designopt export``.
-
-Beside the study's folder, whose settings it does not load: every command that reads a design's
-file loads all kinds.
-"""
+"""Finger files as designs for ``designopt explore`` and ``designopt export``."""
 
 from __future__ import annotations
 
