@@ -12,8 +12,8 @@ from designopt.cli import run as command
 from designopt.optimize import Optima, Starts
 from designopt.study.runner import run_study
 from designopt.study.study import Context
-from studies.finger.advice import value_of, with_value
 from studies.finger import designing
+from studies.finger.advice import value_of, with_value
 from studies.finger.spec import FingerSpec
 from studies.models import Finger
 from studies.models.finger import links_of, pins_of

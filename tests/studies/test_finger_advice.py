@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from designopt.study.settings import spec_with
+from studies.finger import advice
 from studies.finger.advice import (
     LEAST,
     LEVERS,
@@ -17,7 +18,6 @@ from studies.finger.advice import (
     value_of,
 )
 from studies.finger.designing import Designer
-from studies.finger import advice
 from studies.finger.spec import FingerSpec
 from studies.models.body import BodySpec
 
