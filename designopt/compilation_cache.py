@@ -71,6 +71,11 @@ def keep_values() -> None:
         STORES.append(Store(folder))
 
 
+def current_store() -> Store | None:
+    """Where values are kept; ``None`` if no command has asked for it, or the user has it off."""
+    return STORES[0] if STORES else None
+
+
 def keep_programs() -> None:
     """Load JAX, and let it keep what is compiled from now on, unless the user has it otherwise.
 

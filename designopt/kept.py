@@ -17,11 +17,14 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from designopt.compilation_cache import STORES
+from designopt.compilation_cache import current_store
 from designopt.numpy_program import NumpyProgram
 
 PACKAGES = ("designopt", "kinematics", "optics", "perception", "studies")
 """Whose code decides what is kept."""
+
+_PROGRAMS: dict[str, tuple[list[str], NumpyProgram]] = {}
+"""Those of this process, by their keys."""
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -71,7 +74,10 @@ def compute(place: str, arguments: Any, *fixed: Any) -> dict[str, np.ndarray]:
     leaves = [np.asarray(one) for one in leaves_of(arguments)]
     types = [(one.shape, one.dtype.str) for one in leaves]
     key = f"{place} {types!r} {_shape_of(arguments)!r} {fixed!r}"
-    names, program = kept_value(key, functools.partial(_traced, place, arguments, fixed))
+    if key not in _PROGRAMS:
+        trace = functools.partial(_traced, place, arguments, fixed)
+        _PROGRAMS[key] = kept_value(key, trace)
+    names, program = _PROGRAMS[key]
     with np.errstate(all="ignore"):
         found = program(*leaves)
     return dict(zip(names, map(np.asarray, found), strict=True))
@@ -121,9 +127,10 @@ def kept_value(key: str, work_out: Callable[[], Result]) -> Result:
         >>> kept_value("the number of bars", lambda: 4)
         4
     """
-    if not STORES:
+    store = current_store()
+    if store is None:
         return work_out()
-    store, key = STORES[0], f"{_fingerprint()} {key}"
+    key = f"{_fingerprint()} {key}"
     if (found := store.get(key)) is not None:
         # The folder is the user's alone, as it is for the machine code beside it.
         return pickle.loads(found)

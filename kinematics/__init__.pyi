@@ -6,6 +6,7 @@ from .model.loops import Loop, find_vector_loops
 from .solve.assemblies import Assemblies, find_assemblies
 from .solve.clearance import find_separation
 from .solve.limits import Limit, Limits, find_limits, solve_turning_point
+from .solve.packed import PackedPoses, compile_poses, pack_poses
 from .solve.plan import describe_plan
 from .solve.poses import PoseResult, solve_poses
 from .solve.rates import Motion, Rates, solve_rates
@@ -30,6 +31,7 @@ __all__ = [
     "Linkage",
     "Loop",
     "Motion",
+    "PackedPoses",
     "PlanError",
     "Pose",
     "PoseResult",
@@ -38,6 +40,7 @@ __all__ = [
     "Spring",
     "Transmission",
     "classify_grashof",
+    "compile_poses",
     "compute_spring_energy",
     "describe_plan",
     "find_assemblies",
@@ -46,6 +49,7 @@ __all__ = [
     "find_vector_loops",
     "format_linkage",
     "make_zero_deviations",
+    "pack_poses",
     "parse_linkage",
     "propagate_deviations",
     "read_linkage",

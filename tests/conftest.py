@@ -43,9 +43,15 @@ def pytest_configure(config: pytest.Config) -> None:
         "jax_compilation_cache_dir": str(config.cache.mkdir("jax")),
         "jax_persistent_cache_min_compile_time_secs": 1.0,
     }
+    os.environ["DESIGNOPT_CACHE"] = "off"  # JAX's own takes its place
     for name, value in settings.items():
         jax.config.update(name, value)
         os.environ[name.upper()] = str(value)
+
+
+@pytest.fixture(autouse=True)
+def _commands_keep_nothing_for_other_tests(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("designopt.compilation_cache.STORES", [])
 
 
 def pytest_sessionfinish() -> None:

@@ -12,6 +12,7 @@ A multiplier is that of f + μ·h − λ·g for equalities h = 0 and inequalitie
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from designopt.interpreter import Interpreter
 from designopt.optimize.augmented_lagrangian import Trace
 from designopt.optimize.flat import Flat, Given, Point, column_slopes
 from designopt.optimize.problem import BOUND, Parameters, Problem, describe_by_index
@@ -100,13 +102,14 @@ class Optimum:
 
 
 def make_optimality_check(flat: Flat) -> Callable[[Point, Given, Trace], Optimum]:
-    """A function that judges points of a problem, given its data and bounds; it compiles once.
+    """A function that judges points of a problem, given its data and bounds.
+
+    It is called for a few optima and would compile for a minute: NumPy computes it.
 
     Args:
         flat: the problem.
     """
 
-    @jax.jit
     def values_and_slopes(point: Point, given: Given) -> tuple[Any, Any]:
         now = flat.given(given)
 
@@ -121,8 +124,12 @@ def make_optimality_check(flat: Flat) -> Callable[[Point, Given, Trace], Optimum
     inequalities = {name: part.shape for name, part in sorted(shapes.inequalities.items())}
     inequalities[BOUND] = (sum(len(part) for part in flat.limited),)
 
+    @functools.cache
+    def traced() -> Interpreter:
+        return Interpreter(jax.jit(values_and_slopes).trace(jnp.asarray(flat.units), flat.own))
+
     def check(point: Point, given: Given, history: Trace) -> Optimum:
-        (value, h, g), slopes = jax.tree.map(np.asarray, values_and_slopes(point, given))
+        (value, h, g), slopes = traced()(point, given)
         if not all(np.all(np.isfinite(part)) for part in (value, h, g, *slopes)):
             place = jnp.where(jnp.isfinite(point), point, 0.0)
             solution = _solution(flat, place, -1.0, 1.0, OptimumResult.no_number)

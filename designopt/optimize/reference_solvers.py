@@ -18,6 +18,7 @@ from jaxtyping import Float
 from designopt.optimize.augmented_lagrangian import Trace
 from designopt.optimize.flat import Flat, Given, column_slopes
 from designopt.optimize.problem import Parameters, Problem
+from designopt.programs import known_options
 
 Reference = Literal["slsqp", "trust-constr"]
 
@@ -40,7 +41,7 @@ def compile_reference(
     now = flat.own
 
     def compiled(function: Callable[[Any, Any], Any]) -> Callable[[np.ndarray], Any]:
-        program = jax.jit(function).lower(sample, now).compile()
+        program = jax.jit(function).lower(sample, now).compile(compiler_options=known_options())
 
         def evaluate(x: np.ndarray) -> Any:
             # With the data of the solve that is running.
@@ -182,7 +183,8 @@ def run_differential_evolution(
         constraints = scipy.optimize.NonlinearConstraint(
             lambda x: evaluate(x)[1].T, least, np.full(least.size, np.inf)
         )
-    generation = jax.jit(jax.vmap(member)).lower(sample).compile()
+    generation = jax.jit(jax.vmap(member)).lower(sample)
+    generation = generation.compile(compiler_options=known_options())
     remembered: dict[bytes, Any] = {}
 
     def evaluate(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

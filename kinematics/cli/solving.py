@@ -29,6 +29,9 @@ CHUNK = 4096
 SIZES = (64, 512)
 """Sweeps of at most so many poses are filled up to as many: they have one program."""
 
+TABLE = "kinematics.cli.table:solve_columns"
+"""What computes the columns; NumPy computes what JAX has traced of it."""
+
 CODE = "result code"
 """Name of the one array that is no column: an integer for each pose, by which they fail."""
 
@@ -215,9 +218,7 @@ def _solve(sketch: AssembledSketch, request: Request, asked: np.ndarray) -> Iter
             "rates": rates,
             "accelerations": accelerations,
         }
-        found = compute(
-            "kinematics.cli.table:solve_columns", given, structure, sketch.assembly, request.of
-        )
+        found = compute(TABLE, given, structure.untitled, sketch.assembly, request.of)
         found = {name: column[: len(part)] for name, column in found.items()}
         codes = found.pop(CODE)
         named = {part.name: asked for part, asked in zip(structure.inputs, part.T, strict=True)}

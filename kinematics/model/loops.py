@@ -50,7 +50,6 @@ class Loop:
         return f"{walk} {self.legs[-1].end.joint}"
 
 
-@kept
 def find_vector_loops(structure: Structure) -> tuple[Loop, ...]:
     """Independent vector loops of a whole linkage.
 
@@ -61,6 +60,11 @@ def find_vector_loops(structure: Structure) -> tuple[Loop, ...]:
         >>> [str(loop) for loop in find_vector_loops(linkage.structure)]
         ['O4 –[fixed]– O2 –[crank]– A –[coupler]– B –[rocker]– O4']
     """
+    return _vector_loops(structure.untitled)
+
+
+@kept
+def _vector_loops(structure: Structure) -> tuple[Loop, ...]:
     return tuple(find_loops(structure.incidences))
 
 

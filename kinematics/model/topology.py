@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Hashable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 WORLD = "world"
 """Stands for all fixed bodies, and for the fixed axes in ``relative_to``."""
@@ -60,6 +60,11 @@ class Structure:
     sliders: tuple[SliderPart, ...]
     inputs: tuple[InputPart, ...]
     springs: tuple[tuple[str, str], ...]
+
+    @functools.cached_property
+    def untitled(self) -> Structure:
+        """The same without the linkage's name, on which no plan depends."""
+        return replace(self, name="")
 
     @functools.cached_property
     def moving(self) -> tuple[BodyPart, ...]:

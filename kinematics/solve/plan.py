@@ -29,7 +29,7 @@ def make_plan(structure: Structure, targets: frozenset[str] | None = None) -> Pl
     Raises:
         PlanError: the inputs do not determine the pose, or determine it more than once.
     """
-    plan = _whole_plan(structure)
+    plan = _whole_plan(structure.untitled)
     return plan if targets is None else _upstream(structure, plan, targets)
 
 

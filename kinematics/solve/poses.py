@@ -142,6 +142,17 @@ def pose_solution(solver: Solver, state: State, finite: Bool[Array, ""]) -> Solu
     return Solution(solver.pose(state), margin * solver.size, closure(state), result)
 
 
+def is_pose(state: State, finite: Bool[Array, ""]) -> tuple[Float[Array, ""], Bool[Array, ""]]:
+    """The margin of a state in units of the linkage's size, and whether it is a pose.
+
+    Args:
+        state: of one pose.
+        finite: whether its inputs are numbers.
+    """
+    margin, result = _result_of(state, finite)
+    return margin, result == PoseResult.successful
+
+
 def _result_of(state: State, finite: Bool[Array, ""]) -> tuple[Float[Array, ""], Any]:
     one = state.identity.x
     touching = -ROUNDING_UNITS * jnp.finfo(one.dtype).eps

@@ -31,6 +31,7 @@ from designopt.optimize import (
     minimize,
     select_starts,
 )
+from designopt.programs import quick_jit
 from designopt.vectors import rotation
 from studies.models.finger import Finger, pins_of
 from studies.models.finger_parts import Body, FingerMotor, FingerSpring
@@ -310,7 +311,7 @@ def _near_meetings(
     meetings = find_free_meetings(finger)
     turns = [rotation(-jnp.asarray(angles)) for angles in grids]
 
-    @jax.jit
+    @quick_jit
     @jax.vmap
     def least(pins: Pins) -> list[Array]:
         moved = replace(finger, pins=pins)
@@ -364,7 +365,7 @@ def _worst_postures(
     """From a design and the level it promised to the angles of postures in which it is worse."""
     every = grids(finger.body, STEP_DEG)
     check = linkage_problem(finger, spec.limits, *every, motor=spec.motor)
-    terms = jax.jit(check.terms)
+    terms = quick_jit(check.terms)
 
     def worst(pins: Pins, level: float) -> tuple[Any, Any]:
         found = terms(pins, *check.data)

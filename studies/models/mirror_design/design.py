@@ -28,6 +28,7 @@ from jaxtyping import Array, Float, Int
 
 from designopt.batching import side_by_side
 from designopt.optimize import Evaluation, draw_sobol_starts
+from designopt.programs import quick_jit
 from designopt.study.study import Context
 from studies.models.finger import Finger
 from studies.models.finger_parts import PHALANGES
@@ -453,8 +454,7 @@ def search(
     for task, stage in zip(tasks, STAGES if stages is None else stages, strict=True):
         penalties = stage.penalties
         given = task, count, penalties, multipliers
-        point, taken = _stage(point, (low, high), given)
-        (_, reached), _ = lagrangian(point, *given)
+        point, taken, reached = _stage(point, (low, high), given)
         multipliers = {
             name: jnp.maximum(multipliers[name] - penalties[name] * level, 0.0)
             for name, level in reached.inequalities.items()
@@ -466,40 +466,49 @@ def search(
     return Trial(start, placement, objective, violation, steps, seconds, multipliers)
 
 
-@jax.jit
+@quick_jit
 def _stage(
     point: Float[Array, " parameters"],
     bounds: tuple[Float[Array, " parameters"], Float[Array, " parameters"]],
     given: tuple[Task, Int[Array, ""], Penalties, Multipliers],
-) -> tuple[Float[Array, " parameters"], Int[Array, ""]]:
-    """One stage: where it ends, inside the bounds, and its number of steps."""
+) -> tuple[Float[Array, " parameters"], Int[Array, ""], Evaluation]:
+    """One stage: where it ends, inside the bounds, its number of steps, and the terms there."""
 
-    def walled(point: Float[Array, " parameters"], given: Any) -> Float[Array, ""]:
+    def walled(
+        point: Float[Array, " parameters"], given: Any
+    ) -> tuple[Float[Array, ""], Evaluation]:
         inside = jnp.clip(point, *bounds)
-        return SHARE * _value(inside, given) + WALL * jnp.sum((point - inside) ** 2)
+        value, terms = _value(inside, given)
+        return SHARE * value + WALL * jnp.sum((point - inside) ** 2), terms
 
     # Traced once: for the value and for its derivative JAX would trace it anew, 8 s each.
     traced = eqx.filter_closure_convert(lagrangian, point, *given)
     solver = optx.BFGS(TOLERANCE, TOLERANCE)
     found = optx.minimise(
-        walled, solver, jnp.clip(point, *bounds), (traced, given), max_steps=STEPS, throw=False
+        walled,
+        solver,
+        jnp.clip(point, *bounds),
+        (traced, given),
+        has_aux=True,
+        max_steps=STEPS,
+        throw=False,
     )
-    return jnp.clip(found.value, *bounds), found.stats["num_steps"]
+    return jnp.clip(found.value, *bounds), found.stats["num_steps"], found.aux
 
 
 @eqx.filter_custom_jvp
-def _value(point: Float[Array, " parameters"], given: Any) -> Float[Array, ""]:
-    """The value of a traced `lagrangian`, whose derivative is the slope that it gives."""
-    traced, terms = given
-    (value, _), _ = traced(point, *terms)
-    return value
+def _value(point: Float[Array, " parameters"], given: Any) -> tuple[Float[Array, ""], Evaluation]:
+    """Value and terms of a traced `lagrangian`; the value's derivative is the slope it gives."""
+    traced, data = given
+    found, _ = traced(point, *data)
+    return found
 
 
 @_value.def_jvp
 def _with_slope(at: Any, towards: Any) -> Any:
-    traced, terms = at[1]
-    (value, _), slope = traced(at[0], *terms)
-    return value, slope @ towards[0]
+    traced, data = at[1]
+    (value, terms), slope = traced(at[0], *data)
+    return (value, terms), (slope @ towards[0], jax.tree.map(jnp.zeros_like, terms))
 
 
 def measured(placement: Placement, task: Task, copies: int | None = None) -> tuple[float, float]:

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.batching import map_blocks
+from designopt.programs import quick_jit
 from optics.visibility.coverage import find_coverage
 from studies.models.finger import Finger
 from studies.models.mirror_design.errors import deviations, perturb, sample_errors
@@ -87,7 +88,7 @@ def postures(finger: Finger) -> Float[np.ndarray, "poses 2"]:
     return np.minimum(np.concatenate([alike, pairs]), finger.body.ranges_deg)
 
 
-@jax.jit
+@quick_jit
 def _coverages(
     finger: Finger, errors: Float[Array, "draws errors"], poses: Float[Array, "poses joints"]
 ) -> Float[Array, "draws poses pads"]:

@@ -1,0 +1,152 @@
+"""Poses in one array: the quickest call for few of them, as a control loop makes it.
+
+A call of a compiled program takes longer over each array that it returns than over hundreds of
+poses, and as long again over a linkage that it is given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from designopt.batching import map_in_chunks
+from designopt.numerics import as_float
+from designopt.programs import known_options
+from kinematics.model.linkage import Linkage
+from kinematics.solve.poses import BLOCK, is_pose
+from kinematics.solve.solver import Solver
+
+MARGIN, OK = 0, 1
+"""Rows that every linkage has."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class PackedPoses:
+    """Poses in one array, and its rows by name.
+
+    Rows of an array of NumPy's are views: ``jax.device_get`` of all of this copies nothing.
+
+    Attributes:
+        array: a row for each number of a pose: the margin, mm; whether it is one, 1 or 0; then what
+            the names below have.
+        joints: first of the two rows of each joint, x and y, mm.
+        bodies: the same of each body's direction, the cosine and sine of its angle.
+        slides: row of each slider's place along its line, mm, by its number.
+    """
+
+    array: Float[Array | np.ndarray, "rows poses"]
+    joints: tuple[tuple[str, int], ...] = field(metadata={"static": True})
+    bodies: tuple[tuple[str, int], ...] = field(metadata={"static": True})
+    slides: tuple[tuple[int, int], ...] = field(metadata={"static": True})
+
+    @property
+    def margin(self) -> Float[Array | np.ndarray, " poses"]:
+        """As `solve_poses` has it, mm."""
+        return self.array[MARGIN]
+
+    @property
+    def ok(self) -> Float[Array | np.ndarray, " poses"]:
+        """1 where the linkage can be assembled, else 0."""
+        return self.array[OK]
+
+    def position(self, joint: str) -> Float[Array | np.ndarray, "2 poses"]:
+        """Places of a joint, mm."""
+        row = dict(self.joints)[joint]
+        return self.array[row : row + 2]
+
+    def direction(self, body: str) -> Float[Array | np.ndarray, "2 poses"]:
+        """Cosine and sine of a body's angle."""
+        row = dict(self.bodies)[body]
+        return self.array[row : row + 2]
+
+    def slide(self, slider: int) -> Float[Array | np.ndarray, " poses"]:
+        """Places of a slider along its line, mm."""
+        return self.array[dict(self.slides)[slider]]
+
+
+def pack_poses(
+    linkage: Linkage,
+    inputs: Float[Array | np.ndarray, "poses inputs"],
+    *,
+    of: Iterable[str] | None = None,
+) -> PackedPoses:
+    """What `solve_poses` returns of poses, in one array; differentiable in the same way.
+
+    Args:
+        linkage: the linkage.
+        inputs: values of the inputs, rad or mm.
+        of: joints and bodies asked for; all by default.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from kinematics import read_linkage
+        >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
+        >>> def height(linkage):
+        ...     return pack_poses(linkage, jnp.array([[0.7]])).position("B")[1, 0]
+        >>> slope = jax.grad(height)(linkage)
+        >>> round(float(slope.links["crank"].length), 4)
+        0.3017
+    """
+    inputs = as_float(inputs)
+    solver = Solver.of(linkage, inputs.dtype, of)
+    rows: list[PackedPoses] = []
+
+    def pose(values: Float[Array, " inputs"]) -> Float[Array, " rows"]:
+        finite = jnp.all(jnp.isfinite(values))
+        state = solver.state(solver.drive(jnp.where(finite, values, 0.0)))
+        found, (margin, ok) = solver.pose(state), is_pose(state, finite)
+        numbers = [margin * solver.size, ok.astype(values.dtype)]
+
+        def added(*parts: Array) -> int:
+            numbers.extend(parts)
+            return len(numbers) - len(parts)
+
+        joints = {name: added(at.x, at.y) for name, at in found.joints.items()}
+        bodies = {name: added(turn.x, turn.y) for name, turn in found.bodies.items()}
+        slides = {number: added(slide) for number, slide in found.slides.items()}
+        names = tuple(tuple(one.items()) for one in (joints, bodies, slides))
+        rows.append(PackedPoses(jnp.zeros((0, 0)), *names))
+        return jnp.stack(numbers)
+
+    solve = jax.vmap(pose, out_axes=1)
+    if len(inputs) <= BLOCK:
+        array = solve(inputs)
+    else:
+        array = map_in_chunks(lambda part: solve(part).T, inputs, BLOCK).T
+    return PackedPoses(array, rows[-1].joints, rows[-1].bodies, rows[-1].slides)
+
+
+def compile_poses(
+    linkage: Linkage, *, of: Iterable[str] | None = None
+) -> Callable[[Float[Array | np.ndarray, "poses inputs"]], PackedPoses]:
+    """`pack_poses` of one linkage, compiled with its dimensions as constants.
+
+    Args:
+        linkage: the linkage; it is computed in the float type of its arrays.
+        of: joints and bodies asked for; all by default.
+
+    Returns:
+        A function of inputs, of that float type, shape (poses, inputs). Each number of poses is
+        compiled once. It can be differentiated with respect to the inputs; for dimensions take
+        `pack_poses`.
+
+    Example:
+        >>> from importlib.resources import files
+        >>> from kinematics import read_linkage
+        >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
+        >>> poses = jax.device_get(compile_poses(linkage)(np.deg2rad([[40.0], [90.0]], dtype="f4")))
+        >>> poses.ok.tolist(), poses.position("B").round(2).tolist()
+        ([1.0, 1.0], [[137.8, 111.83], [58.91, 69.0]])
+    """
+    targets = None if of is None else tuple(of)
+
+    def solve(inputs: Float[Array, "poses inputs"]) -> PackedPoses:
+        return pack_poses(linkage, inputs, of=targets)
+
+    return jax.jit(solve, compiler_options=known_options())
