@@ -10,6 +10,7 @@ import functools
 import importlib.metadata
 import os
 import pickle
+import platform
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -157,6 +158,17 @@ def _fingerprint() -> str:
     versions = [importlib.metadata.version(name) for name in ("jax", "jaxlib", "numpy")]
     options = sorted((name, value) for name, value in os.environ.items() if "JAX" in name)
     return f"{sys.version} {versions} {options} {sorted(found)}"
+
+
+@functools.cache
+def processor() -> str:
+    """What machine code depends on: the processor and its instructions."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().split("\n\n")[0].splitlines()
+    except OSError:
+        return f"{platform.machine()} {platform.processor()}"
+    told = ("model name", "flags", "Features", "CPU implementer", "CPU part")
+    return f"{platform.machine()} {[line for line in lines if line.startswith(told)]}"
 
 
 def _example(arguments: Mapping[str, Any], factor: int) -> dict[str, Any]:

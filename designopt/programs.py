@@ -14,10 +14,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
+from jax.experimental import serialize_executable
 
 from designopt.batching import side_by_side
+from designopt.compilation_cache import forget_with_programs
 from designopt.interpreter import Interpreter, Structure
-from designopt.kept import kept_value
+from designopt.kept import kept_value, processor
 
 QUICK = {"xla_cpu_use_fusion_emitters": False}
 """Options of XLA, as `jax.jit` takes them: less than half the time, for programs as fast."""
@@ -142,30 +144,70 @@ def known_options() -> dict[str, Any]:
     return QUICK
 
 
-def quick_jit(function: Callable[..., Any], **how: Any) -> Any:
+def quick_jit(function: Callable[..., Any]) -> Any:
     """What `jax.jit` makes of a function, with `QUICK` where it is not part of another program.
 
+    It is kept between commands, so that what has been compiled is not even traced again, unless
+    the function is local to another one.
+
     Args:
-        function: pure.
-        how: options of `jax.jit`.
+        function: pure; what it computes follows from its arguments and the code alone.
 
     Example:
         >>> double = quick_jit(lambda value: 2 * value)
         >>> float(double(1.5))
         3.0
     """
-    within = jax.jit(function, **how)
+    within, name = jax.jit(function), f"{function.__module__}.{function.__qualname__}"
+    compiled: dict[Hashable, Any] = {}
 
-    @functools.cache
-    def alone() -> Any:
-        return jax.jit(function, compiler_options=known_options(), **how)
+    def lowered(*args: Any, **kwargs: Any) -> Any:
+        program = jax.jit(function).lower(*args, **kwargs)
+        return program.compile(compiler_options=known_options())
 
     @functools.wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
-        traced = any(isinstance(one, Tracer) for one in jax.tree.leaves((args, kwargs)))
-        return (within if traced else alone())(*args, **kwargs)
+        leaves, tree = jax.tree.flatten((args, kwargs))
+        if any(isinstance(one, Tracer) for one in leaves):
+            return within(*args, **kwargs)
+        key = tree, tuple(map(_type_of, leaves)), jax.config.jax_enable_x64
+        if key not in compiled:
+            make = functools.partial(lowered, *args, **kwargs)
+            compiled[key] = make() if "<" in name else _kept_executable(f"{name} {key}", make)
+        return compiled[key](*args, **kwargs)
 
+    forget_with_programs(compiled.clear)
     return call
+
+
+@dataclass(frozen=True)
+class _Executable:
+    """A compiled program as it is kept."""
+
+    content: bytes
+    given: Structure
+    found: Structure
+
+    def load(self) -> Any:
+        return serialize_executable.deserialize_and_load(
+            self.content, self.given.definition, self.found.definition
+        )
+
+
+def _kept_executable(key: str, compile_: Callable[[], Any]) -> Any:
+    """A compiled program that is kept by its key; what cannot be kept is compiled each time."""
+    fresh: list[Any] = []
+
+    def work_out() -> Any:
+        fresh.append(compile_())
+        try:
+            content, given, found = serialize_executable.serialize(fresh[0])
+        except (ValueError, NotImplementedError):
+            return compile_  # which is not kept, for it cannot be pickled
+        return _Executable(content, Structure(given), Structure(found))
+
+    found = kept_value(f"{key} {processor()}", work_out)
+    return fresh[0] if fresh else found.load()
 
 
 @dataclass
