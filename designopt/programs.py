@@ -59,7 +59,13 @@ class Program:
         def packed(*args: Any, **kwargs: Any) -> _Packed:
             return _Packed.of(self._function(*args, **kwargs))
 
-        return jax.jit(packed, static_argnames=self.static, compiler_options=known_options())
+        return QuickJit(packed, self.static, name=self.name and f"packed {self.name}")
+
+    @property
+    def name(self) -> str:
+        """By which it is kept between commands; empty if the function is local to another one."""
+        name = f"{self._function.__module__}.{self._function.__qualname__}"
+        return "" if "<" in name else name
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """What the function returns."""
@@ -71,11 +77,6 @@ class Program:
     def run(self, *args: Any, **kwargs: Any) -> Any:
         """What it returns once it is compiled, which it is if need be."""
         return self.compiled(*args, **kwargs).unpacked()
-
-    def divided(self, kwargs: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Named arguments that are static, and the others."""
-        fixed = {name: kwargs[name] for name in self.static if name in kwargs}
-        return fixed, {name: value for name, value in kwargs.items() if name not in fixed}
 
     def when_compiled(self, *args: Any, **kwargs: Any) -> Any:
         """The same; ``None`` where it is not compiled yet while a `Prompt` answers."""
@@ -144,40 +145,107 @@ def known_options() -> dict[str, Any]:
     return QUICK
 
 
-def quick_jit(function: Callable[..., Any]) -> Any:
+class QuickJit:
     """What `jax.jit` makes of a function, with `QUICK` where it is not part of another program.
 
-    It is kept between commands, so that what has been compiled is not even traced again, unless
-    the function is local to another one.
-
-    Args:
-        function: pure; what it computes follows from its arguments and the code alone.
+    It is kept between commands, so that what has been compiled is not even traced again.
 
     Example:
-        >>> double = quick_jit(lambda value: 2 * value)
+        >>> double = QuickJit(lambda value: 2 * value)
         >>> float(double(1.5))
         3.0
     """
-    within, name = jax.jit(function), f"{function.__module__}.{function.__qualname__}"
-    compiled: dict[Hashable, Any] = {}
 
-    def lowered(*args: Any, **kwargs: Any) -> Any:
-        program = jax.jit(function).lower(*args, **kwargs)
-        return program.compile(compiler_options=known_options())
+    def __init__(
+        self,
+        function: Callable[..., Any],
+        static_argnames: Sequence[str] = (),
+        *,
+        name: str | None = None,
+    ) -> None:
+        """The program; nothing happens before its first call.
 
-    @functools.wraps(function)
-    def call(*args: Any, **kwargs: Any) -> Any:
-        leaves, tree = jax.tree.flatten((args, kwargs))
+        Args:
+            function: pure; what it computes follows from its arguments and the code alone, or it
+                has no name.
+            static_argnames: as of `jax.jit`; such arguments are given by their names.
+            name: by which it is kept; by default its own, if it is not local to another function.
+                Nothing is kept with an empty one.
+        """
+        functools.update_wrapper(self, function)
+        own = f"{function.__module__}.{function.__qualname__}" if name is None else name
+        self._name = "" if name is None and "<" in own else own
+        self._static = tuple(static_argnames)
+        self._within = jax.jit(function, static_argnames=self._static)
+        self._compiled: dict[Hashable, Any] = {}
+        forget_with_programs(self._compiled.clear)
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        """What the function returns."""
+        fixed, given = divided(kwargs, self._static)
+        leaves, tree = jax.tree.flatten((args, given))
         if any(isinstance(one, Tracer) for one in leaves):
-            return within(*args, **kwargs)
-        key = tree, tuple(map(_type_of, leaves)), jax.config.jax_enable_x64
-        if key not in compiled:
-            make = functools.partial(lowered, *args, **kwargs)
-            compiled[key] = make() if "<" in name else _kept_executable(f"{name} {key}", make)
-        return compiled[key](*args, **kwargs)
+            return self._within(*args, **kwargs)
+        key = tuple(fixed.items()), tree, tuple(map(_type_of, leaves)), jax.config.jax_enable_x64
+        if key not in self._compiled:
+            self._compiled[key] = self._compile(key, args, kwargs)
+        return self._compiled[key](*args, **given)
 
-    forget_with_programs(compiled.clear)
-    return call
+    def trace(self, *args: Any, **kwargs: Any) -> Any:
+        """As that of what `jax.jit` returns."""
+        return self._within.trace(*args, **kwargs)
+
+    def _compile(self, key: Any, args: Any, kwargs: Any) -> Any:
+        def compiled() -> Any:
+            return self._within.lower(*args, **kwargs).compile(compiler_options=known_options())
+
+        return _kept_executable(f"{self._name} {key}", compiled) if self._name else compiled()
+
+
+def compile_ahead(function: Callable[..., Any], *args: Any, name: str) -> Any:
+    """A function compiled with `QUICK` for arguments like these.
+
+    Args:
+        function: pure.
+        args: none of them static.
+        name: by which it is kept between commands: of equal names what they compute is equal.
+            Nothing is kept with an empty one.
+
+    Example:
+        >>> double = compile_ahead(lambda value: 2 * value, jnp.array(1.0), name="")
+        >>> float(double(jnp.array(1.5)))
+        3.0
+    """
+
+    def compiled() -> Any:
+        return jax.jit(function).lower(*args).compile(compiler_options=known_options())
+
+    leaves, tree = jax.tree.flatten(args)
+    key = f"{name} {tree} {[*map(_type_of, leaves)]}"
+    return _kept_executable(key, compiled) if name else compiled()
+
+
+def keep_interpreter(function: Callable[..., Any], *args: Any, name: str) -> Interpreter:
+    """A function for arguments like these, computed by NumPy; see `compile_ahead`.
+
+    Example:
+        >>> double = keep_interpreter(lambda value: 2 * value, jnp.array(1.0), name="")
+        >>> float(double(1.5))
+        3.0
+    """
+
+    def traced() -> Interpreter:
+        return Interpreter(jax.jit(function).trace(*args))
+
+    leaves, tree = jax.tree.flatten(args)
+    key = f"NumPy {name} {tree} {[*map(_type_of, leaves)]}"
+    return kept_value(key, traced) if name else traced()
+
+
+def divided(kwargs: dict[str, Any], static: Sequence[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Named arguments that are static, and the others."""
+    fixed = {name: kwargs[name] for name in static if name in kwargs}
+    return fixed, {name: value for name, value in kwargs.items() if name not in fixed}
 
 
 @dataclass(frozen=True)
@@ -295,11 +363,11 @@ class Prompt:
             return program.run(*args, **kwargs)
         if (interpreter := call.interpreter) is None:
             interpreter = call.interpreter = call.interpret()
-        _, given = program.divided(kwargs)
+        _, given = divided(kwargs, program.static)
         return interpreter(*args, **given).unpacked()
 
     def _call(self, program: Program, args: Any, kwargs: Any) -> _Call:
-        fixed, given = program.divided(kwargs)
+        fixed, given = divided(kwargs, program.static)
         leaves, tree = jax.tree.flatten((args, given))
         types = tuple(map(_type_of, leaves))
         key = program, tuple(fixed.items()), tree, types
@@ -319,10 +387,9 @@ def _interpreter(program: Program, args: Any, kwargs: Any, key: Any) -> Interpre
         # What is traced here is what XLA compiles later: JAX keeps it.
         return Interpreter(program.compiled.trace(*args, **kwargs))
 
-    name = f"{program.__module__}.{program.__qualname__}"
-    if "<" in name:  # of a function within another one, or without a name
+    if not program.name:
         return trace()
-    return kept_value(f"{name} {key} {jax.config.jax_enable_x64}", trace)
+    return kept_value(f"NumPy {program.name} {key} {jax.config.jax_enable_x64}", trace)
 
 
 def _type_of(leaf: Any) -> tuple[Any, Any]:

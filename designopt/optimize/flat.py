@@ -60,6 +60,18 @@ class Flat:
         """Its data and bounds."""
         return self.problem.data, (self.lower, self.upper)
 
+    def name(self, of: str) -> str:
+        """By which a program of it is kept, with all that it does not have from its arguments.
+
+        Args:
+            of: what the program does; nothing is kept of a problem without a name.
+        """
+        if not self.problem.name:
+            return ""
+        structure = jax.tree.structure(self.problem.lower)
+        fixed = self.units.tolist(), [part.tolist() for part in self.limited], structure
+        return f"{of}: {self.problem.name} {fixed}"
+
     def point(self, parameters: Parameters) -> Point:
         """The vector of parameters."""
         # In units of each parameter's scale: quasi-Newton methods start with the identity as their

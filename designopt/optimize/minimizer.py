@@ -15,7 +15,7 @@ from designopt.optimize.augmented_lagrangian import Inner, Trace, augmented_lagr
 from designopt.optimize.flat import Flat, Given
 from designopt.optimize.optimality import Optimum, make_optimality_check
 from designopt.optimize.problem import Parameters, Problem
-from designopt.programs import known_options
+from designopt.programs import compile_ahead
 
 Method = Literal[
     "bfgs",
@@ -112,8 +112,8 @@ class Minimizer:
                 return augmented_lagrangian(flat.given(given), inner, start, floor=floor, **caps)
 
             # Compiled ahead, so that its time is apart from the solves', and the same for all data.
-            program = jax.jit(jax.vmap(local, (0, None))).lower(points, flat.own)
-            program = program.compile(compiler_options=known_options())
+            name = flat.name(f"{method} {caps} {floor}")
+            program = compile_ahead(jax.vmap(local, (0, None)), points, flat.own, name=name)
             self._solve = partial(_together, program)
         self.compile_seconds = time.perf_counter() - begin
 

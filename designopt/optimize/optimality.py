@@ -28,6 +28,7 @@ from designopt.interpreter import Interpreter
 from designopt.optimize.augmented_lagrangian import Trace
 from designopt.optimize.flat import Flat, Given, Point, column_slopes
 from designopt.optimize.problem import BOUND, Parameters, Problem, describe_by_index
+from designopt.programs import keep_interpreter
 from designopt.solution import Solution
 
 FEASIBLE = 1e-6
@@ -126,7 +127,8 @@ def make_optimality_check(flat: Flat) -> Callable[[Point, Given, Trace], Optimum
 
     @functools.cache
     def traced() -> Interpreter:
-        return Interpreter(jax.jit(values_and_slopes).trace(jnp.asarray(flat.units), flat.own))
+        point, given = jnp.asarray(flat.units), flat.own
+        return keep_interpreter(values_and_slopes, point, given, name=flat.name("optimality"))
 
     def check(point: Point, given: Given, history: Trace) -> Optimum:
         (value, h, g), slopes = traced()(point, given)

@@ -95,6 +95,8 @@ class Problem:
             which are written where a bound of theirs is.
         data: further arguments of ``terms``, such as the cases in which a design is judged. A
             `Minimizer` solves for others of the same shapes without compiling again.
+        name: of ``terms``: problems of equal names have equal ones. Compiled programs are kept by
+            it between commands; those of a problem without a name are not.
     """
 
     terms: Callable[..., Evaluation]
@@ -104,6 +106,7 @@ class Problem:
     requirements: Mapping[str, Requirement] = field(default_factory=dict)
     parameters: Mapping[str, Requirement] = field(default_factory=dict)
     data: tuple[Any, ...] = ()
+    name: str = ""
 
     @property
     def units(self) -> Parameters:
@@ -170,6 +173,7 @@ def make_epigraph(problem: Problem, *, scale: float = 1.0) -> Problem:
         lower=_with_level(problem.lower, -jnp.inf),
         upper=_with_level(problem.upper, jnp.inf),
         scale=_with_level(problem.units, scale),
+        name=_form(problem, f"epigraph, {scale}"),
     )
 
 
@@ -240,6 +244,7 @@ def make_elastic(problem: Problem) -> Problem:
         lower=_with_level(problem.lower, 0.0),
         upper=_with_level(problem.upper, jnp.inf),
         scale=_with_level(problem.units, 1.0),
+        name=_form(problem, "elastic"),
     )
 
 
@@ -273,7 +278,12 @@ def make_soft_minimum(problem: Problem, temperature: float) -> Problem:
             objective=soft, equalities=found.equalities, inequalities=found.inequalities
         )
 
-    return replace(problem, terms=terms)
+    return replace(problem, terms=terms, name=_form(problem, f"soft minimum, {temperature}"))
+
+
+def _form(problem: Problem, form: str) -> str:
+    """The name of another form of a problem's terms."""
+    return f"{form} of {problem.name}" if problem.name else ""
 
 
 def _least(terms: Evaluation) -> dict[str, Float[Array, "..."]]:

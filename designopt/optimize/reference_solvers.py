@@ -18,7 +18,7 @@ from jaxtyping import Float
 from designopt.optimize.augmented_lagrangian import Trace
 from designopt.optimize.flat import Flat, Given, column_slopes
 from designopt.optimize.problem import Parameters, Problem
-from designopt.programs import known_options
+from designopt.programs import compile_ahead, known_options
 
 Reference = Literal["slsqp", "trust-constr"]
 
@@ -40,8 +40,8 @@ def compile_reference(
 
     now = flat.own
 
-    def compiled(function: Callable[[Any, Any], Any]) -> Callable[[np.ndarray], Any]:
-        program = jax.jit(function).lower(sample, now).compile(compiler_options=known_options())
+    def compiled(what: str, function: Callable[[Any, Any], Any]) -> Callable[[np.ndarray], Any]:
+        program = compile_ahead(function, sample, now, name=flat.name(what))
 
         def evaluate(x: np.ndarray) -> Any:
             # With the data of the solve that is running.
@@ -50,10 +50,13 @@ def compile_reference(
 
         return evaluate
 
-    value_and_slope = compiled(jax.value_and_grad(lambda z, d: flat.given(d).terms(z).value))
-    levels = compiled(lambda z, d: jnp.concatenate(flat.given(d).evaluated(z)[1:]))
+    value_and_slope = compiled(
+        "value and slope", jax.value_and_grad(lambda z, d: flat.given(d).terms(z).value)
+    )
+    levels = compiled("levels", lambda z, d: jnp.concatenate(flat.given(d).evaluated(z)[1:]))
     slopes = compiled(
-        lambda z, d: column_slopes(lambda q: jnp.concatenate(flat.given(d).evaluated(q)[1:]), z)[1]
+        "slopes of levels",
+        lambda z, d: column_slopes(lambda q: jnp.concatenate(flat.given(d).evaluated(q)[1:]), z)[1],
     )
 
     def part_of(function: Callable[[Any], Any], part: slice) -> Callable[[Any], Any]:

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 from designopt.batching import map_in_chunks
 from designopt.optimize.augmented_lagrangian import FIRST_PENALTY
 from designopt.optimize.problem import Evaluation, Parameters, Problem
-from designopt.programs import known_options
+from designopt.programs import compile_ahead
 
 BLOCK = 256
 """Points looked at in one go, so that what lies between stays in the cache."""
@@ -99,14 +99,14 @@ def select_starts(
     """
     points = draw_sobol_starts(problem, max(among, count), seed)
     begin = time.perf_counter()
-    program = _best.lower(points, problem.data, problem.terms, count, scale)
-    program = program.compile(compiler_options=known_options())
+    choose = partial(_best, evaluate=problem.terms, count=count, scale=scale)
+    name = f"best {count} {scale} of {problem.name}" if problem.name else ""
+    program = compile_ahead(choose, points, problem.data, name=name)
     compiled = time.perf_counter()
     starts = jax.block_until_ready(program(points, problem.data))
     return Starts(starts, time.perf_counter() - compiled, compiled - begin)
 
 
-@partial(jax.jit, static_argnums=(2, 3, 4))
 def _best(
     points: Parameters,
     data: tuple[Any, ...],

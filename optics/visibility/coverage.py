@@ -17,6 +17,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from designopt.batching import map_in_chunks
 from designopt.numerics import as_float
+from designopt.programs import QuickJit
 from designopt.solution import Solution
 from designopt.vectors import Vector
 from optics.scene.camera import Camera
@@ -37,7 +38,7 @@ TABLE = 2**19
 """Comparisons of shadows with shadows that are made at a time, so that they stay in the cache."""
 
 
-@partial(jax.jit, static_argnames=("bounces", "max_pieces"))
+@partial(QuickJit, static_argnames=("bounces", "max_pieces"))
 def find_views(
     scene: Scene,
     angles: Float[Array, "*batch joints"],
@@ -112,7 +113,7 @@ def find_pieces(scene: Scene, angles: Float[Array, "*batch joints"]) -> Solution
     return _in_poses(scene, as_float(angles), words, search, pieces)
 
 
-@partial(jax.jit, static_argnames=("bounces", "max_pieces"))
+@partial(QuickJit, static_argnames=("bounces", "max_pieces"))
 def find_coverage(
     scene: Scene,
     angles: Float[Array, "*batch joints"],

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from designopt.batching import map_blocks
+from designopt.programs import QuickJit
 from designopt.solution import Solution
 from studies.models.grasp.conditions import Problem, Unknowns, straight
 from studies.models.grasp.equilibrium import GRASP, State, solve, unknowns_of
@@ -147,7 +148,7 @@ class Path:
         return self.forces[:, pad * self.per_pad : (pad + 1) * self.per_pad].sum(axis=1)
 
 
-_close_batch = jax.jit(jax.vmap(solve_closing))
+_close_batch = QuickJit(jax.vmap(solve_closing), name="batches of solve_closing")
 
 
 def close_all(problems: Sequence[Problem], commands: np.ndarray) -> list[Path]:

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from designopt.programs import QuickJit
 from designopt.solution import Solution
 from designopt.vectors import fold_angle
 from kinematics.model.linkage import Linkage
@@ -137,7 +138,7 @@ def judged(finger: Finger, limits: LimitsSpec, motor: MotorSpec) -> Verdict:
     return Verdict(*angles_deg, degrees, np.rad2deg(crank), ratio, tuple(checks))
 
 
-@jax.jit
+@QuickJit
 def everywhere(
     linkage: Linkage, inputs: Float[Array, "pip dip 2"]
 ) -> tuple[Solution[Pose], dict[str, Float[Array, "pip dip"]]]:
@@ -151,7 +152,7 @@ def everywhere(
     return poses, finger_transmission(poses.value)
 
 
-@jax.jit
+@QuickJit
 def crank_rates(linkage: Linkage, inputs: Float[Array, "pip dip 2"]) -> Float[Array, "pip dip 2"]:
     """Turn of the crank per turn of each joint, by the general solver's derivatives.
 
@@ -228,9 +229,12 @@ def check_strength(finger: Finger, loads: Loads, limits: LimitsSpec) -> list[Che
     return found
 
 
+_clearances = QuickJit(find_clearances, ["meetings"])
+
+
 def check_clear(finger: Finger, pose: Pose, limits: LimitsSpec) -> list[Check]:
     """That moving parts keep clear of each other and of faces; arguments as of `check_inside`."""
     places = {"H" if name == pin_name("H") else name: at for name, at in pose.joints.items()}
     meetings = dict.fromkeys([*find_free_meetings(finger), *find_face_meetings(finger)])
-    found = jax.jit(find_clearances, static_argnums=2)(finger, places, tuple(meetings))
+    found = _clearances(finger, places, meetings=tuple(meetings))
     return [Check(name, limits.clearance, float(jnp.min(each))) for name, each in found.items()]

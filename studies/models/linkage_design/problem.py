@@ -212,9 +212,15 @@ def linkage_problem(
     scale = jax.tree.map(lambda leaf: jnp.full_like(leaf, LENGTH), lower)
     turns = (rotation(-jnp.asarray(angles)) for angles in (pip, dip))
     requirements = _requirements(finger, np.rad2deg(pip), np.rad2deg(dip))
-    terms = _terms(tuple(meetings))
     return Problem(
-        terms, lower, upper, scale, requirements, coordinates(SIX_BAR.pins), (asked, *turns)
+        _terms(tuple(meetings)),
+        lower,
+        upper,
+        scale,
+        requirements,
+        coordinates(SIX_BAR.pins),
+        (asked, *turns),
+        name=f"linkage of a finger, clear at {meetings}",
     )
 
 

@@ -31,7 +31,7 @@ from designopt.optimize import (
     minimize,
     select_starts,
 )
-from designopt.programs import quick_jit
+from designopt.programs import QuickJit
 from designopt.vectors import rotation
 from studies.models.finger import Finger, pins_of
 from studies.models.finger_parts import Body, FingerMotor, FingerSpring
@@ -311,7 +311,7 @@ def _near_meetings(
     meetings = find_free_meetings(finger)
     turns = [rotation(-jnp.asarray(angles)) for angles in grids]
 
-    @quick_jit
+    @QuickJit
     @jax.vmap
     def least(pins: Pins) -> list[Array]:
         moved = replace(finger, pins=pins)
@@ -365,7 +365,7 @@ def _worst_postures(
     """From a design and the level it promised to the angles of postures in which it is worse."""
     every = grids(finger.body, STEP_DEG)
     check = linkage_problem(finger, spec.limits, *every, motor=spec.motor)
-    terms = quick_jit(check.terms)
+    terms = QuickJit(check.terms, name=check.name)
 
     def worst(pins: Pins, level: float) -> tuple[Any, Any]:
         found = terms(pins, *check.data)

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.batching import map_in_chunks
-from designopt.programs import quick_jit
+from designopt.programs import QuickJit
 from studies.models.finger import Finger, pins_of
 from studies.models.linkage_design.postures import find_postures
 from studies.models.linkage_design.problem import grids
@@ -65,7 +65,7 @@ def draw_pins(pins: P, deviation: float, draws: int, seed: int) -> P:
     return jax.tree.map(sample, pins, jax.tree.unflatten(structure, list(keys)))
 
 
-@quick_jit
+@QuickJit
 def _least_of_each(
     finger: Finger, drawn: Pins, pip: Float[Array, " pip"], dip: Float[Array, " dip"]
 ) -> Float[Array, " draws"]:

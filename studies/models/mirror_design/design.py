@@ -28,7 +28,7 @@ from jaxtyping import Array, Float, Int
 
 from designopt.batching import side_by_side
 from designopt.optimize import Evaluation, draw_sobol_starts
-from designopt.programs import quick_jit
+from designopt.programs import QuickJit
 from designopt.study.study import Context
 from studies.models.finger import Finger
 from studies.models.finger_parts import PHALANGES
@@ -466,7 +466,7 @@ def search(
     return Trial(start, placement, objective, violation, steps, seconds, multipliers)
 
 
-@quick_jit
+@QuickJit
 def _stage(
     point: Float[Array, " parameters"],
     bounds: tuple[Float[Array, " parameters"], Float[Array, " parameters"]],

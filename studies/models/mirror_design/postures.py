@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from designopt.batching import map_blocks
-from designopt.programs import quick_jit
+from designopt.programs import QuickJit
 from optics import Pieces, Scene, describe_end, find_coverage, find_focus, find_views, name_paths
 from optics.visibility.intervals import union
 from optics.visibility.sharpness import find_sharpness
@@ -255,7 +255,7 @@ def _look(scene: Scene, degrees: Float[np.ndarray, "poses 2"]) -> Numbers:
     return map_blocks(partial(_numbers, scene), BLOCK, np.deg2rad(degrees))
 
 
-@quick_jit
+@QuickJit
 def _numbers(scene: Scene, poses: Float[Array, "poses 2"]) -> Float[Array, "poses pads 5"]:
     views, lengths = find_views(scene, poses).value, pad_lengths(scene)
     sharp = least_resolution(views, lengths)
@@ -284,7 +284,7 @@ def _least_transmission(scene: Scene, degrees: Float[np.ndarray, "poses 2"]) -> 
     return low
 
 
-@quick_jit
+@QuickJit
 def _seen(
     scene: Scene, least: Float[Array, ""], poses: Float[Array, "poses 2"]
 ) -> Float[Array, "poses pads"]:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from designopt.batching import map_blocks
-from designopt.programs import quick_jit
+from designopt.programs import QuickJit
 from optics.visibility.coverage import find_coverage
 from studies.models.finger import Finger
 from studies.models.mirror_design.errors import deviations, perturb, sample_errors
@@ -88,7 +88,7 @@ def postures(finger: Finger) -> Float[np.ndarray, "poses 2"]:
     return np.minimum(np.concatenate([alike, pairs]), finger.body.ranges_deg)
 
 
-@quick_jit
+@QuickJit
 def _coverages(
     finger: Finger, errors: Float[Array, "draws errors"], poses: Float[Array, "poses joints"]
 ) -> Float[Array, "draws poses pads"]:
