@@ -191,6 +191,11 @@ class QuickJit:
             self._compiled[key] = self._compile(key, args, kwargs)
         return self._compiled[key](*args, **given)
 
+    @property
+    def compiled_count(self) -> int:
+        """For how many structures of arguments it is compiled."""
+        return len(self._compiled)
+
     def trace(self, *args: Any, **kwargs: Any) -> Any:
         """As that of what `jax.jit` returns."""
         return self._within.trace(*args, **kwargs)
@@ -392,11 +397,12 @@ def _interpreter(program: Program, args: Any, kwargs: Any, key: Any) -> Interpre
     return kept_value(f"NumPy {program.name} {key} {jax.config.jax_enable_x64}", trace)
 
 
-def _type_of(leaf: Any) -> tuple[Any, Any]:
+def _type_of(leaf: Any) -> Any:
+    """Shape and type; those of a number of Python's follow from what it is computed with."""
     try:
-        return leaf.shape, leaf.dtype
-    except AttributeError:  # a number of Python's
-        return np.shape(leaf), np.result_type(leaf)
+        return leaf.shape, leaf.dtype, getattr(leaf, "weak_type", False)
+    except AttributeError:
+        return type(leaf)
 
 
 _ANSWERING: ContextVar[Prompt | None] = ContextVar("answering", default=None)

@@ -5,12 +5,23 @@ from __future__ import annotations
 import math
 import threading
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxtyping import Array
 
-from designopt.programs import LEAST_PACKED, MOST_PACKED, Program, Prompt, known_options
+from designopt.compilation_cache import Store
+from designopt.optimize import Evaluation, Minimizer, Problem
+from designopt.programs import (
+    LEAST_PACKED,
+    MOST_PACKED,
+    Program,
+    Prompt,
+    QuickJit,
+    known_options,
+)
 
 
 def made(function=None, **given):
@@ -78,10 +89,10 @@ def test_nothing_is_compiled_before_it_is_asked_for():
         np.testing.assert_allclose(program(2 * numbers), np.sin(2 * numbers), rtol=1e-15)
     assert len(traced) == 1
     assert prompt.is_behind
-    assert not program.compiled._cache_size()
+    assert not program.compiled.compiled_count
     prompt.compile()
     assert not prompt.is_behind
-    assert program.compiled._cache_size() == 1
+    assert program.compiled.compiled_count == 1
     with prompt.answering():
         np.testing.assert_allclose(program.when_compiled(numbers), np.sin(numbers), rtol=1e-15)
         program(3 * numbers)
@@ -143,3 +154,106 @@ def test_options_unknown_to_xla_are_left_out(monkeypatch):
         assert known_options() == {}
     finally:
         known_options.cache_clear()
+
+
+@pytest.fixture
+def store(tmp_path, monkeypatch):
+    monkeypatch.setattr("designopt.compilation_cache.STORES", [Store(tmp_path)])
+    return tmp_path
+
+
+class Waves(eqx.Module):
+    """What a kept program is given and returns."""
+
+    height: Array
+    kind: str = eqx.field(static=True)
+
+
+CALLS = []
+
+
+def raised(waves, by, *, times=1):
+    CALLS.append(times)
+    return Waves(waves.height * times + by["more"], waves.kind), None
+
+
+def of_another_process(function):
+    """The same program, as a process finds it that has not compiled it."""
+    return QuickJit(function, ["times"])
+
+
+@pytest.mark.usefixtures("store")
+def test_a_compiled_program_is_kept_and_not_traced_again():
+    CALLS.clear()
+    for height in (1.0, 2.0):
+        raise_ = of_another_process(raised)
+        waves, by = Waves(jnp.array([height, 5.0]), "high"), {"more": 0.5}
+        for _ in range(2):
+            found, nothing = raise_(waves, by, times=3)
+            assert (found.height.tolist(), found.kind) == ([3 * height + 0.5, 15.5], "high")
+            assert nothing is None
+    assert CALLS == [3]
+    # Other static arguments, kinds and types are other programs.
+    assert raise_(waves, by, times=2)[0].height.tolist() == [4.5, 10.5]
+    assert raise_(Waves(waves.height, "low"), by, times=3)[0].kind == "low"
+    single = raise_(Waves(waves.height.astype(jnp.float32), "high"), by, times=3)[0]
+    assert single.height.dtype == jnp.float32
+    strong = raise_(Waves(waves.height, "high"), {"more": jnp.array(0.5)}, times=3)[0]
+    assert strong.height.dtype == jnp.float64
+    assert CALLS[:4] == [3, 2, 3, 3]
+
+
+def test_a_function_within_another_one_is_not_kept(store):
+    def local(value):
+        return 2 * value
+
+    assert QuickJit(local)(jnp.array(1.0)) == 2
+    assert not list(store.iterdir())
+    assert QuickJit(local, name="the double")(jnp.array(1.0)) == 2
+    assert list(store.iterdir())
+
+
+@pytest.mark.usefixtures("store")
+def test_within_another_program_it_is_a_part_of_that():
+    double = QuickJit(raised)
+    slope = jax.grad(lambda x: jnp.sum(double(Waves(x, "high"), {"more": x})[0].height))
+    np.testing.assert_allclose(slope(jnp.ones(3)), [2.0] * 3)
+    found = jax.vmap(lambda x: double(Waves(x, "high"), {"more": x})[0].height)(jnp.ones((2, 3)))
+    np.testing.assert_allclose(found, np.full((2, 3), 2.0))
+
+
+@pytest.mark.usefixtures("store")
+def test_a_program_of_numpy_is_kept_and_not_traced_again():
+    CALLS.clear()
+    for _ in range(2):
+        with Prompt().answering():
+            program = Program(raised, ["times"])
+            found, _ = program(Waves(jnp.ones(2), "high"), {"more": 0.5}, times=4)
+        assert found.height.tolist() == [4.5, 4.5]
+    assert CALLS == [4]
+
+
+@pytest.mark.usefixtures("store")
+def test_problems_are_compiled_once_for_all_of_their_name():
+    traced = []
+
+    def named(name):
+        def terms(x, goal):
+            traced.append(name)
+            return Evaluation(objective=jnp.sum((x - goal) ** 2), inequalities={"high": x - 1})
+
+        return Problem(
+            terms, jnp.zeros(2), jnp.full(2, 9.0), data=(jnp.array([2.0, 0.5]),), name=name
+        )
+
+    starts = jnp.full((2, 2), 4.0)
+    for name, is_new in (("squares", True), ("squares", False), ("", True), ("", True)):
+        traced.clear()
+        compiled = Minimizer(named(name), 2, "bfgs")
+        count = len(traced)
+        best = compiled.solve(starts).best
+        np.testing.assert_allclose(best.parameters, [2.0, 1.0], atol=1e-6)
+        assert best.solution.ok
+        if name:
+            # What solves is kept; shapes are asked for all the same.
+            assert (count > 3) == is_new

@@ -550,11 +550,11 @@ def test_programs_are_compiled_after_the_first_picture_and_after_a_drag(run):
 
     async def guest(session, say, until):
         await until(lambda _: not session._prompt.is_behind)
-        assert explorer.shown.compiled._cache_size() == 1
-        assert not explorer.dragged.compiled._cache_size()
+        assert explorer.shown.compiled.compiled_count == 1
+        assert not explorer.dragged.compiled.compiled_count
         (handle, x, y, _), *_ = session.model["panels"][0]["handles"]
         say(f"{{'type':'drag','handle':'{handle}','x':{x - 1},'y':{-y},'seq':1,'gesture':1}}")
-        await until(lambda _: explorer.dragged.compiled._cache_size() == 1)
+        await until(lambda _: explorer.dragged.compiled.compiled_count == 1)
 
     run(guest, explorer)
 
