@@ -15,10 +15,12 @@ import os
 import re
 import sys
 import tempfile
+import threading
 import time
 import warnings
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Annotated
 
@@ -45,6 +47,9 @@ ABANDONED = 3600.0
 """Seconds after which a file that is still being written belongs to no process any more."""
 COMPILED = "/jax/core/compile/backend_compile_duration"
 """JAX's event of a program that XLA has compiled, or that was read from where it is kept."""
+HIT = "/jax/compilation_cache/cache_hits"
+"""JAX's event of a program that was read."""
+_ANEW: ContextVar[bool] = ContextVar("anew", default=False)
 STORES: list[Store] = []
 """Where values are kept, if anywhere."""
 _FORGETTING: list[Callable[[], object]] = []
@@ -100,7 +105,7 @@ def keep_programs() -> None:
         return
     if folder_fault(folder):
         return
-    compilation_cache.get_file_cache = lambda path: (Store(Path(path)), path)
+    compilation_cache.get_file_cache = lambda path: (_StoreOfJax(Path(path)), path)
     jax.config.update("jax_compilation_cache_dir", str(folder))
     LOG.info("compiled programs are kept in %s", folder)
     # Hundreds of programs take less than JAX's second each, and together most of the time.
@@ -267,6 +272,46 @@ class Store:
             room += size
             with suppress(OSError):
                 os.unlink(path)
+
+
+class _StoreOfJax(Store):
+    """What JAX keeps, as it has it."""
+
+    def get(self, key: str) -> bytes | None:
+        """As that of a store; nothing of what is compiled anew."""
+        return None if _ANEW.get() else super().get(key)
+
+    def put(self, key: str, value: bytes) -> None:
+        """As that of a store."""
+        if not _ANEW.get():
+            super().put(key, value)
+
+
+@contextmanager
+def compiling_anew() -> Iterator[Callable[[], bool]]:
+    """Within it, and in its thread, what is kept of single programs is not used.
+
+    XLA cannot write again what it has read: such a program fails when it is run.
+
+    Returns:
+        A function that returns whether all has been compiled: JAX may have a folder of its own.
+    """
+    from jax import monitoring
+
+    hits: list[str] = []
+    own = threading.get_ident()
+
+    def listen(event: str, **_: object) -> None:
+        if event == HIT and threading.get_ident() == own:
+            hits.append(event)
+
+    monitoring.register_event_listener(listen)
+    token = _ANEW.set(True)
+    try:
+        yield lambda: not hits
+    finally:
+        _ANEW.reset(token)
+        monitoring.unregister_event_listener(listen)
 
 
 def _sealed(name: str, value: bytes) -> bytes:

@@ -13,6 +13,7 @@ import pickle
 import platform
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -128,20 +129,38 @@ def kept_value(key: str, work_out: Callable[[], Result]) -> Result:
         >>> kept_value("the number of bars", lambda: 4)
         4
     """
+    found = find_value(key)
+    if found is None:
+        found = work_out()
+        keep_value(key, found)
+    return found
+
+
+def find_value(key: str) -> Any:
+    """What is kept by a key; ``None`` if nothing is.
+
+    Example:
+        >>> find_value("no such key") is None
+        True
+    """
+    store = current_store()
+    found = None if store is None else store.get(f"{_fingerprint()} {key}")
+    # The folder is the user's alone, as it is for the machine code beside it.
+    return None if found is None else pickle.loads(found)
+
+
+def keep_value(key: str, value: object) -> None:
+    """Keep a value by its key, if a command has asked for it and it can be pickled.
+
+    Example:
+        >>> keep_value("the number of bars", 4)
+    """
     store = current_store()
     if store is None:
-        return work_out()
-    key = f"{_fingerprint()} {key}"
-    if (found := store.get(key)) is not None:
-        # The folder is the user's alone, as it is for the machine code beside it.
-        return pickle.loads(found)
-    value = work_out()
-    try:
-        found = pickle.dumps(value)
-    except (pickle.PicklingError, AttributeError, TypeError):
-        return value  # a program of which a part is JAX's
-    store.put(key, found)
-    return value
+        return
+    # A program of which a part is JAX's cannot be.
+    with suppress(pickle.PicklingError, AttributeError, TypeError):
+        store.put(f"{_fingerprint()} {key}", pickle.dumps(value))
 
 
 @functools.cache

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Any
@@ -17,9 +17,9 @@ from jax.core import Tracer
 from jax.experimental import serialize_executable
 
 from designopt.batching import side_by_side
-from designopt.compilation_cache import forget_with_programs
+from designopt.compilation_cache import compiling_anew, current_store, forget_with_programs
 from designopt.interpreter import Interpreter, Structure
-from designopt.kept import kept_value, processor
+from designopt.kept import find_value, keep_value, kept_value, processor
 
 QUICK = {"xla_cpu_use_fusion_emitters": False}
 """Options of XLA, as `jax.jit` takes them: less than half the time, for programs as fast."""
@@ -269,18 +269,19 @@ class _Executable:
 
 def _kept_executable(key: str, compile_: Callable[[], Any]) -> Any:
     """A compiled program that is kept by its key; what cannot be kept is compiled each time."""
-    fresh: list[Any] = []
-
-    def work_out() -> Any:
-        fresh.append(compile_())
-        try:
-            content, given, found = serialize_executable.serialize(fresh[0])
-        except (ValueError, NotImplementedError):
-            return compile_  # which is not kept, for it cannot be pickled
-        return _Executable(content, Structure(given), Structure(found))
-
-    found = kept_value(f"{key} {processor()}", work_out)
-    return fresh[0] if fresh else found.load()
+    if current_store() is None:
+        return compile_()
+    key = f"{key} {processor()}"
+    if (found := find_value(key)) is not None:
+        return found.load()
+    with compiling_anew() as is_anew:
+        program = compile_()
+    # Not with constants that JAX hands to it apart.
+    with suppress(ValueError, NotImplementedError):
+        if is_anew():
+            content, given, returned = serialize_executable.serialize(program)
+            keep_value(key, _Executable(content, Structure(given), Structure(returned)))
+    return program
 
 
 @dataclass

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import threading
 
 import equinox as eqx
@@ -22,6 +23,7 @@ from designopt.programs import (
     QuickJit,
     known_options,
 )
+from tests.commands import python
 
 
 def made(function=None, **given):
@@ -257,3 +259,35 @@ def test_problems_are_compiled_once_for_all_of_their_name():
         if name:
             # What solves is kept; shapes are asked for all the same.
             assert (count > 3) == is_new
+
+
+AGAIN = """
+import sys
+import jax
+from designopt.compilation_cache import STORES, keep_programs
+
+keep_programs()
+if sys.argv[1] == "jax":
+    STORES.clear()
+import jax.numpy as jnp
+from designopt.programs import QuickJit
+
+def waves(x):
+    return jnp.sort(jnp.sin(x)) @ jnp.cos(jnp.arange(100.0))
+
+print(float(QuickJit(waves, name="waves")(jnp.arange(100.0))))
+"""
+
+
+@pytest.mark.parametrize("foreign", [False, True])
+def test_what_jax_has_read_is_not_kept_as_compiled(tmp_path, foreign):
+    """XLA cannot write again what it has read; such a program would fail when it is run."""
+    ours = ("DESIGNOPT_CACHE", "JAX_COMPILATION_CACHE_DIR")
+    env = {name: value for name, value in os.environ.items() if name not in ours}
+    env |= {"DESIGNOPT_CACHE": str(tmp_path / "kept")}
+    if foreign:
+        env |= {"JAX_COMPILATION_CACHE_DIR": str(tmp_path / "jax")}
+        env |= {"JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0"}
+    found = [python("-c", AGAIN, who, env=env) for who in ("jax", "both", "both")]
+    assert [done.stderr for done in found] == ["", "", ""]
+    assert len({done.stdout for done in found}) == 1
