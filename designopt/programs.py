@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import re
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -64,8 +65,7 @@ class Program:
     @property
     def name(self) -> str:
         """By which it is kept between commands; empty if the function is local to another one."""
-        name = f"{self._function.__module__}.{self._function.__qualname__}"
-        return "" if "<" in name else name
+        return _name_of(self._function)
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """What the function returns."""
@@ -173,8 +173,7 @@ class QuickJit:
                 Nothing is kept with an empty one.
         """
         functools.update_wrapper(self, function)
-        own = f"{function.__module__}.{function.__qualname__}" if name is None else name
-        self._name = "" if name is None and "<" in own else own
+        self._name = _name_of(function) if name is None else name
         self._static = tuple(static_argnames)
         self._within = jax.jit(function, static_argnames=self._static)
         self._compiled: dict[Hashable, Any] = {}
@@ -247,6 +246,12 @@ def keep_interpreter(function: Callable[..., Any], *args: Any, name: str) -> Int
     return kept_value(key, traced) if name else traced()
 
 
+def _name_of(function: Callable[..., Any]) -> str:
+    """A function's name; empty if it is local to another one, or a part of one."""
+    name = getattr(function, "__qualname__", "<partial>")
+    return "" if "<" in name else f"{function.__module__}.{name}"
+
+
 def divided(kwargs: dict[str, Any], static: Sequence[str]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Named arguments that are static, and the others."""
     fixed = {name: kwargs[name] for name in static if name in kwargs}
@@ -255,16 +260,28 @@ def divided(kwargs: dict[str, Any], static: Sequence[str]) -> tuple[dict[str, An
 
 @dataclass(frozen=True)
 class _Executable:
-    """A compiled program as it is kept."""
+    """A compiled program as it is kept; whether it calls LAPACK, and its arguments and results."""
 
     content: bytes
+    calls_lapack: bool
     given: Structure
     found: Structure
 
     def load(self) -> Any:
+        if self.calls_lapack:
+            _find_lapack()
         return serialize_executable.deserialize_and_load(
             self.content, self.given.definition, self.found.definition
         )
+
+
+@functools.cache
+def _find_lapack() -> None:
+    """Let JAX look up LAPACK's functions, which it does when it lowers a program that calls one.
+
+    A program that is only read would call what has no address.
+    """
+    jax.jit(jnp.linalg.cholesky).lower(jax.ShapeDtypeStruct((1, 1), jnp.float32))
 
 
 def _kept_executable(key: str, compile_: Callable[[], Any]) -> Any:
@@ -278,9 +295,12 @@ def _kept_executable(key: str, compile_: Callable[[], Any]) -> Any:
         program = compile_()
     # Not with constants that JAX hands to it apart.
     with suppress(ValueError, NotImplementedError):
-        if is_anew():
+        called = set(re.findall(r'custom_call_target="([^"]*)"', program.as_text()))
+        if is_anew() and all(name.startswith("lapack_") for name in called):
             content, given, returned = serialize_executable.serialize(program)
-            keep_value(key, _Executable(content, Structure(given), Structure(returned)))
+            keep_value(
+                key, _Executable(content, bool(called), Structure(given), Structure(returned))
+            )
     return program
 
 

@@ -180,8 +180,8 @@ def _views(scene: Scene, poses: Poses, bounces: int, block: int) -> Views:
         (_with_room(one, max_pieces), *more) for one, *more in parts
     )
 
-    def measure(part: Array, pieces: Pieces) -> Sharpness:
-        return find_sharpness(scene, np.asarray(part), pieces, bounces=bounces)
+    def measure(part: Poses, pieces: Pieces) -> Sharpness:
+        return find_sharpness(scene, part, pieces, bounces=bounces)
 
     # What is compared of a pad: all pieces at places between all of their ends.
     compared = 48 * len(scene.layout.pads) * 2 * max_pieces**2 * PARTS

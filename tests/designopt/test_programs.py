@@ -273,7 +273,8 @@ import jax.numpy as jnp
 from designopt.programs import QuickJit
 
 def waves(x):
-    return jnp.sort(jnp.sin(x)) @ jnp.cos(jnp.arange(100.0))
+    matrix = jnp.outer(x, x) + jnp.eye(100)
+    return jnp.sort(jnp.sin(x)) @ jnp.linalg.solve(matrix, jnp.cos(jnp.arange(100.0)))
 
 print(float(QuickJit(waves, name="waves")(jnp.arange(100.0))))
 """
