@@ -495,7 +495,8 @@ def _dot_general(equation: JaxprEqn) -> Operation:
         equation.params[name] for name in ("dimension_numbers", "preferred_element_type")
     )
     (first_summed, second_summed), (first_batch, second_batch) = numbers
-    first, second = (var.aval.ndim for var in equation.invars)
+    given: Any = [var.aval for var in equation.invars]
+    first, second = (one.ndim for one in given)
     of_first = list(range(first))
     of_second = [first + axis for axis in range(second)]
     for pairs in ((first_summed, second_summed), (first_batch, second_batch)):

@@ -180,7 +180,7 @@ def transpose(value: Any, *, order: Integers) -> Any:
     return np.transpose(value, order)
 
 
-def reverse(value: Any, *, axes: Integers) -> Any:
+def reverse(value: Any, *, axes: tuple[int, ...]) -> Any:
     """As `numpy.flip`."""
     return np.flip(value, axes)
 
@@ -446,10 +446,11 @@ def triangular_solve(
 def svd(matrix: Any, *, full_matrices: bool, compute_uv: bool) -> tuple[Any, ...]:
     """Singular values of matrices, and the vectors where they are wanted; NaN of what is NaN."""
     finite = np.all(np.isfinite(matrix), axis=(-2, -1))[..., None, None]
-    found = np.linalg.svd(np.where(finite, matrix, 0.0), full_matrices, compute_uv)
+    filled = np.where(finite, matrix, 0.0)
     if not compute_uv:
-        return (np.where(finite[..., 0], found, np.nan),)
-    first, values, second = (found.U, found.S, found.Vh)
+        values = np.linalg.svd(filled, full_matrices, compute_uv=False)
+        return (np.where(finite[..., 0], values, np.nan),)
+    first, values, second = np.linalg.svd(filled, full_matrices)
     return (
         np.where(finite[..., 0], values, np.nan),
         np.where(finite, first, np.nan),

@@ -185,7 +185,12 @@ class QuickJit:
         leaves, tree = jax.tree.flatten((args, given))
         if any(isinstance(one, Tracer) for one in leaves):
             return self._within(*args, **kwargs)
-        key = tuple(fixed.items()), tree, tuple(map(_type_of, leaves)), jax.config.jax_enable_x64
+        key = (
+            tuple(fixed.items()),
+            tree,
+            tuple(map(_type_of, leaves)),
+            jax.config.values["jax_enable_x64"],
+        )
         if key not in self._compiled:
             self._compiled[key] = self._compile(key, args, kwargs)
         return self._compiled[key](*args, **given)
@@ -415,7 +420,11 @@ def _interpreter(program: Program, args: Any, kwargs: Any, key: Any) -> Interpre
 
     if not program.name:
         return trace()
-    return kept_value(f"NumPy {program.name} {key} {jax.config.jax_enable_x64}", trace)
+    return kept_value(f"NumPy {program.name} {key} {jax.config.values['jax_enable_x64']}", trace)
+
+
+def _is_wide() -> bool:
+    return jnp.result_type(float) == jnp.float64
 
 
 def _type_of(leaf: Any) -> Any:

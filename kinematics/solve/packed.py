@@ -24,6 +24,9 @@ from kinematics.solve.solver import Solver
 MARGIN, OK = 0, 1
 """Rows that every linkage has."""
 
+Names = tuple[tuple[tuple[str, int], ...], tuple[tuple[str, int], ...], tuple[tuple[int, int], ...]]
+"""First rows of joints, bodies and slides; see `PackedPoses`."""
+
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
@@ -95,7 +98,7 @@ def pack_poses(
     """
     inputs = as_float(inputs)
     solver = Solver.of(linkage, inputs.dtype, of)
-    rows: list[PackedPoses] = []
+    names: list[Names] = []
 
     def pose(values: Float[Array, " inputs"]) -> Float[Array, " rows"]:
         finite = jnp.all(jnp.isfinite(values))
@@ -107,11 +110,10 @@ def pack_poses(
             numbers.extend(parts)
             return len(numbers) - len(parts)
 
-        joints = {name: added(at.x, at.y) for name, at in found.joints.items()}
-        bodies = {name: added(turn.x, turn.y) for name, turn in found.bodies.items()}
-        slides = {number: added(slide) for number, slide in found.slides.items()}
-        names = tuple(tuple(one.items()) for one in (joints, bodies, slides))
-        rows.append(PackedPoses(jnp.zeros((0, 0)), *names))
+        joints = tuple((name, added(at.x, at.y)) for name, at in found.joints.items())
+        bodies = tuple((name, added(turn.x, turn.y)) for name, turn in found.bodies.items())
+        slides = tuple((number, added(slide)) for number, slide in found.slides.items())
+        names.append((joints, bodies, slides))
         return jnp.stack(numbers)
 
     solve = jax.vmap(pose, out_axes=1)
@@ -119,7 +121,7 @@ def pack_poses(
         array = solve(inputs)
     else:
         array = map_in_chunks(lambda part: solve(part).T, inputs, BLOCK).T
-    return PackedPoses(array, rows[-1].joints, rows[-1].bodies, rows[-1].slides)
+    return PackedPoses(array, *names[-1])
 
 
 def compile_poses(
