@@ -175,7 +175,7 @@ def _fingerprint() -> str:
         for about in [os.stat(path)]  # by which Python takes its own compiled code for current
     ]
     versions = [importlib.metadata.version(name) for name in ("jax", "jaxlib", "numpy")]
-    options = sorted((name, value) for name, value in os.environ.items() if "JAX" in name)
+    options = sorted(one for one in os.environ.items() if one[0].startswith(("JAX_", "XLA_")))
     return f"{sys.version} {versions} {options} {sorted(found)}"
 
 
@@ -186,8 +186,8 @@ def processor() -> str:
         lines = Path("/proc/cpuinfo").read_text().split("\n\n")[0].splitlines()
     except OSError:
         return f"{platform.machine()} {platform.processor()}"
-    told = ("model name", "flags", "Features", "CPU implementer", "CPU part")
-    return f"{platform.machine()} {[line for line in lines if line.startswith(told)]}"
+    entries = ("model name", "flags", "Features", "CPU implementer", "CPU part")
+    return f"{platform.machine()} {[line for line in lines if line.startswith(entries)]}"
 
 
 def _example(arguments: Mapping[str, Any], factor: int) -> dict[str, Any]:

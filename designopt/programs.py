@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Any
+from weakref import WeakSet
 
 import jax
 import jax.numpy as jnp
@@ -20,7 +21,7 @@ from jax.experimental import serialize_executable
 from designopt.batching import side_by_side
 from designopt.compilation_cache import compiling_anew, current_store, forget_with_programs
 from designopt.interpreter import Interpreter, Structure
-from designopt.kept import find_value, keep_value, kept_value, processor
+from designopt.kept import PACKAGES, find_value, keep_value, kept_value, processor
 
 QUICK = {"xla_cpu_use_fusion_emitters": False}
 """Options of XLA, as `jax.jit` takes them: less than half the time, for programs as fast."""
@@ -169,31 +170,34 @@ class QuickJit:
             function: pure; what it computes follows from its arguments and the code alone, or it
                 has no name.
             static_argnames: as of `jax.jit`; such arguments are given by their names.
-            name: by which it is kept; by default its own, if it is not local to another function.
-                Nothing is kept with an empty one.
+            name: by which it is kept; by default its own, if it is one of this project's and not
+                local to another function. Nothing is kept with an empty one.
         """
         functools.update_wrapper(self, function)
         self._name = _name_of(function) if name is None else name
         self._static = tuple(static_argnames)
         self._within = jax.jit(function, static_argnames=self._static)
         self._compiled: dict[Hashable, Any] = {}
-        forget_with_programs(self._compiled.clear)
+        _JITTED.add(self)
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         """What the function returns."""
-        fixed, given = divided(kwargs, self._static)
-        leaves, tree = jax.tree.flatten((args, given))
-        if any(isinstance(one, Tracer) for one in leaves):
+        if any(isinstance(one, Tracer) for one in jax.tree.leaves((args, kwargs))):
             return self._within(*args, **kwargs)
-        key = (
-            tuple(fixed.items()),
-            tree,
-            tuple(map(_type_of, leaves)),
-            jax.config.values["jax_enable_x64"],
-        )
+        _, given = divided(kwargs, self._static)
+        return self.compile(*args, **kwargs)(*args, **given)
+
+    def compile(self, *args: Any, **kwargs: Any) -> Any:
+        """What computes it for arguments like these, all but the static ones."""
+        key = _key_of(args, kwargs, self._static)
         if key not in self._compiled:
-            self._compiled[key] = self._compile(key, args, kwargs)
-        return self._compiled[key](*args, **given)
+
+            def compiled() -> Any:
+                return self._within.lower(*args, **kwargs).compile(compiler_options=known_options())
+
+            kept = _kept_executable(f"{self._name} {key}", compiled) if self._name else compiled()
+            self._compiled[key] = kept
+        return self._compiled[key]
 
     @property
     def compiled_count(self) -> int:
@@ -204,63 +208,70 @@ class QuickJit:
         """As that of what `jax.jit` returns."""
         return self._within.trace(*args, **kwargs)
 
-    def _compile(self, key: Any, args: Any, kwargs: Any) -> Any:
-        def compiled() -> Any:
-            return self._within.lower(*args, **kwargs).compile(compiler_options=known_options())
-
-        return _kept_executable(f"{self._name} {key}", compiled) if self._name else compiled()
+    def forget(self) -> None:
+        """Let go of all that is compiled."""
+        self._compiled.clear()
 
 
-def compile_ahead(function: Callable[..., Any], *args: Any, name: str) -> Any:
-    """A function compiled with `QUICK` for arguments like these.
+_JITTED: WeakSet[QuickJit] = WeakSet()
+
+
+def _forget_compiled() -> None:
+    for one in [*_JITTED]:
+        one.forget()
+
+
+forget_with_programs(_forget_compiled)
+
+
+def keep_interpreter(function: Callable[..., Any], *args: Any, name: str) -> Interpreter:
+    """A function for arguments like these, computed by NumPy.
 
     Args:
         function: pure.
         args: none of them static.
-        name: by which it is kept between commands: of equal names what they compute is equal.
-            Nothing is kept with an empty one.
-
-    Example:
-        >>> double = compile_ahead(lambda value: 2 * value, jnp.array(1.0), name="")
-        >>> float(double(jnp.array(1.5)))
-        3.0
-    """
-
-    def compiled() -> Any:
-        return jax.jit(function).lower(*args).compile(compiler_options=known_options())
-
-    leaves, tree = jax.tree.flatten(args)
-    key = f"{name} {tree} {[*map(_type_of, leaves)]}"
-    return _kept_executable(key, compiled) if name else compiled()
-
-
-def keep_interpreter(function: Callable[..., Any], *args: Any, name: str) -> Interpreter:
-    """A function for arguments like these, computed by NumPy; see `compile_ahead`.
+        name: as of `QuickJit`.
 
     Example:
         >>> double = keep_interpreter(lambda value: 2 * value, jnp.array(1.0), name="")
         >>> float(double(1.5))
         3.0
     """
+    return _interpreter(lambda: jax.jit(function).trace(*args), name, _key_of(args, {}, ()))
 
-    def traced() -> Interpreter:
-        return Interpreter(jax.jit(function).trace(*args))
 
-    leaves, tree = jax.tree.flatten(args)
-    key = f"NumPy {name} {tree} {[*map(_type_of, leaves)]}"
-    return kept_value(key, traced) if name else traced()
+def _interpreter(trace: Callable[[], Any], name: str, key: Any) -> Interpreter:
+    """What computes a program by NumPy; it is kept between commands where it has a name."""
+
+    def translated() -> Interpreter:
+        return Interpreter(trace())
+
+    return kept_value(f"NumPy {name} {key}", translated) if name else translated()
 
 
 def _name_of(function: Callable[..., Any]) -> str:
-    """A function's name; empty if it is local to another one, or a part of one."""
+    """A function's name; empty if it is local to another one, a part of one, or somebody else's.
+
+    The code of others may change while its names stay.
+    """
     name = getattr(function, "__qualname__", "<partial>")
-    return "" if "<" in name else f"{function.__module__}.{name}"
+    if "<" in name or function.__module__.partition(".")[0] not in PACKAGES:
+        return ""
+    return f"{function.__module__}.{name}"
 
 
 def divided(kwargs: dict[str, Any], static: Sequence[str]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Named arguments that are static, and the others."""
     fixed = {name: kwargs[name] for name in static if name in kwargs}
     return fixed, {name: value for name, value in kwargs.items() if name not in fixed}
+
+
+def _key_of(args: Any, kwargs: dict[str, Any], static: Sequence[str]) -> Any:
+    """All of arguments that decides which program computes with them."""
+    fixed, given = divided(kwargs, static)
+    leaves, tree = jax.tree.flatten((args, given))
+    is_wide = jnp.result_type(float) == jnp.float64
+    return tuple(fixed.items()), tree, tuple(map(_type_of, leaves)), is_wide
 
 
 @dataclass(frozen=True)
@@ -293,12 +304,13 @@ def _kept_executable(key: str, compile_: Callable[[], Any]) -> Any:
     """A compiled program that is kept by its key; what cannot be kept is compiled each time."""
     if current_store() is None:
         return compile_()
-    key = f"{key} {processor()}"
+    device = jax.devices()[0]
+    key = f"{key} {device.platform} {device.device_kind} {processor()}"
     if (found := find_value(key)) is not None:
         return found.load()
     with compiling_anew() as is_anew:
         program = compile_()
-    # Not with constants that JAX hands to it apart.
+    # JAX writes no program that calls Python, or to which it hands constants apart.
     with suppress(ValueError, NotImplementedError):
         called = set(re.findall(r'custom_call_target="([^"]*)"', program.as_text()))
         if is_anew() and all(name.startswith("lapack_") for name in called):
@@ -313,7 +325,6 @@ def _kept_executable(key: str, compile_: Callable[[], Any]) -> Any:
 class _Call:
     """A program with arguments of one structure; what computes it until it is compiled."""
 
-    program: Program
     run: Callable[[], Any]
     interpret: Callable[[], Interpreter]
     interpreter: Interpreter | None = None
@@ -375,8 +386,6 @@ class Prompt:
         """
         tried = list[_Call]()
         while waiting := [one for one in [*self._calls.values()] if one.waits]:
-            for one in waiting:
-                _ = one.program.compiled  # one for all threads that are to compile it
             side_by_side([one.compile for one in waiting])
             tried += waiting
         for fault in (one.fault for one in tried):
@@ -398,33 +407,15 @@ class Prompt:
         return interpreter(*args, **given).unpacked()
 
     def _call(self, program: Program, args: Any, kwargs: Any) -> _Call:
-        fixed, given = divided(kwargs, program.static)
-        leaves, tree = jax.tree.flatten((args, given))
-        types = tuple(map(_type_of, leaves))
-        key = program, tuple(fixed.items()), tree, types
+        key = program, _key_of(args, kwargs, program.static)
         if key not in self._calls:
+            # What is traced is what XLA compiles later: JAX keeps it.
+            trace = functools.partial(program.compiled.trace, *args, **kwargs)
             self._calls[key] = _Call(
-                program,
                 functools.partial(program.run, *args, **kwargs),
-                functools.partial(_interpreter, program, args, kwargs, key[1:]),
+                functools.partial(_interpreter, trace, program.name, key[1]),
             )
         return self._calls[key]
-
-
-def _interpreter(program: Program, args: Any, kwargs: Any, key: Any) -> Interpreter:
-    """What computes a program by NumPy; it is kept between commands where it has a name."""
-
-    def trace() -> Interpreter:
-        # What is traced here is what XLA compiles later: JAX keeps it.
-        return Interpreter(program.compiled.trace(*args, **kwargs))
-
-    if not program.name:
-        return trace()
-    return kept_value(f"NumPy {program.name} {key} {jax.config.values['jax_enable_x64']}", trace)
-
-
-def _is_wide() -> bool:
-    return jnp.result_type(float) == jnp.float64
 
 
 def _type_of(leaf: Any) -> Any:

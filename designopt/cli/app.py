@@ -75,7 +75,7 @@ def _app(
     app = typer.Typer(help="Design robot fingers that feel with a camera.", rich_markup_mode=None)
     app.callback()(_root)
     points = sorted(entry_points(group=COMMAND_GROUP), key=lambda point: point.name)
-    # A name that comes first is the command's: only values of options may stand before it.
+    # One that is named first is loaded alone.
     called = [point for point in points if point.name in arguments[:1]]
     for point in called if called and COMPLETION not in os.environ else points:
         try:

@@ -15,7 +15,7 @@ from designopt.optimize.augmented_lagrangian import Inner, Trace, augmented_lagr
 from designopt.optimize.flat import Flat, Given
 from designopt.optimize.optimality import Optimum, make_optimality_check
 from designopt.optimize.problem import Parameters, Problem
-from designopt.programs import compile_ahead
+from designopt.programs import QuickJit
 
 Method = Literal[
     "bfgs",
@@ -113,7 +113,7 @@ class Minimizer:
 
             # Compiled ahead, so that its time is apart from the solves', and the same for all data.
             name = flat.name(f"{method} {caps} {floor}")
-            program = compile_ahead(jax.vmap(local, (0, None)), points, flat.own, name=name)
+            program = QuickJit(jax.vmap(local, (0, None)), name=name).compile(points, flat.own)
             self._solve = partial(_together, program)
         self.compile_seconds = time.perf_counter() - begin
 

@@ -18,7 +18,7 @@ from jaxtyping import Float
 from designopt.optimize.augmented_lagrangian import Trace
 from designopt.optimize.flat import Flat, Given, column_slopes
 from designopt.optimize.problem import Parameters, Problem
-from designopt.programs import compile_ahead, known_options
+from designopt.programs import QuickJit
 
 Reference = Literal["slsqp", "trust-constr"]
 
@@ -41,7 +41,7 @@ def compile_reference(
     now = flat.own
 
     def compiled(what: str, function: Callable[[Any, Any], Any]) -> Callable[[np.ndarray], Any]:
-        program = compile_ahead(function, sample, now, name=flat.name(what))
+        program = QuickJit(function, name=flat.name(what)).compile(sample, now)
 
         def evaluate(x: np.ndarray) -> Any:
             # With the data of the solve that is running.
@@ -186,8 +186,7 @@ def run_differential_evolution(
         constraints = scipy.optimize.NonlinearConstraint(
             lambda x: evaluate(x)[1].T, least, np.full(least.size, np.inf)
         )
-    generation = jax.jit(jax.vmap(member)).lower(sample)
-    generation = generation.compile(compiler_options=known_options())
+    generation = QuickJit(jax.vmap(member)).compile(sample)
     remembered: dict[bytes, Any] = {}
 
     def evaluate(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

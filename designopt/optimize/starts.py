@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 from designopt.batching import map_in_chunks
 from designopt.optimize.augmented_lagrangian import FIRST_PENALTY
 from designopt.optimize.problem import Evaluation, Parameters, Problem
-from designopt.programs import compile_ahead
+from designopt.programs import QuickJit
 
 BLOCK = 256
 """Points looked at in one go, so that what lies between stays in the cache."""
@@ -101,7 +101,7 @@ def select_starts(
     begin = time.perf_counter()
     choose = partial(_best, evaluate=problem.terms, count=count, scale=scale)
     name = f"best {count} {scale} of {problem.name}" if problem.name else ""
-    program = compile_ahead(choose, points, problem.data, name=name)
+    program = QuickJit(choose, name=name).compile(points, problem.data)
     compiled = time.perf_counter()
     starts = jax.block_until_ready(program(points, problem.data))
     return Starts(starts, time.perf_counter() - compiled, compiled - begin)

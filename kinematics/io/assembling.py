@@ -307,7 +307,7 @@ def _halving_steps(
 ) -> np.ndarray | None:
     """Where Gauss's and Newton's steps alone lead, if each at least halves the largest residual.
 
-    Then a trust region would have taken the same steps.
+    A trust region takes the same steps, as long as they are not too long for it.
     """
     found = start
     rest, jacobian = equations(found)

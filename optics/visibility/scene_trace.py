@@ -189,8 +189,9 @@ def _views(scene: Scene, poses: Poses, bounces: int, block: int) -> Views:
     sharpness = _joined(_in_blocks(measure, block, poses, found.value))
     focus = working = None
     if scene.camera.lens is not None:
-        focus = _focus(scene, found.value)
-        working = _blur(scene.camera, sharpness.object_distance)
+        focus = _joined(_in_blocks(partial(_focus, scene), block, found.value))
+        distances = sharpness.object_distance
+        working = _joined(_in_blocks(partial(_blur, scene.camera), block, distances))
     codes = jax.tree.leaves(found.result)[0]
     return Views(found, codes, coverage, redundancy, sharpness, focus, working)
 

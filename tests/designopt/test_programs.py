@@ -161,6 +161,7 @@ def test_options_unknown_to_xla_are_left_out(monkeypatch):
 @pytest.fixture
 def store(tmp_path, monkeypatch):
     monkeypatch.setattr("designopt.compilation_cache.STORES", [Store(tmp_path)])
+    monkeypatch.setattr("designopt.programs.PACKAGES", ("tests",))
     return tmp_path
 
 
@@ -213,6 +214,13 @@ def test_a_function_within_another_one_is_not_kept(store):
     assert not list(store.iterdir())
     assert QuickJit(local, name="the double")(jnp.array(1.0)) == 2
     assert list(store.iterdir())
+
+
+def test_a_function_of_somebody_else_is_not_kept(store, monkeypatch):
+    monkeypatch.setattr("designopt.programs.PACKAGES", ("designopt",))
+    waves, by = Waves(jnp.ones(2), "high"), {"more": 0.5}
+    assert QuickJit(raised, ["times"])(waves, by, times=7)[0].height.tolist() == [7.5, 7.5]
+    assert not list(store.iterdir())
 
 
 @pytest.mark.usefixtures("store")
