@@ -29,8 +29,13 @@ def dyad(crank, coupler, rocker, angle):
     return x, y, np.minimum(coupler + rocker - apart.real, apart.real - np.abs(coupler - rocker))
 
 
-def sizes(linkage):
-    return [float(linkage.links[name].length) for name in ("crank", "coupler", "rocker")]
+def sizes(linkage) -> tuple[float, float, float]:
+    links = linkage.links
+    return (
+        float(links["crank"].length),
+        float(links["coupler"].length),
+        float(links["rocker"].length),
+    )
 
 
 def test_a_four_bar_is_what_the_law_of_cosines_gives():
