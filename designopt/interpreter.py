@@ -380,18 +380,18 @@ RULES |= {
         ops.iota,
         dtype=lambda p: np.dtype(p["dtype"]),
         shape=lambda p: p["shape"],
-        dimension=lambda p: p["dimension"],
+        dimension=lambda p: int(p["dimension"]),
     ),
     "reshape": _with(ops.reshape, shape=lambda p: p["new_sizes"]),
     "squeeze": _with(ops.squeeze, axes=lambda p: _whole(p["dimensions"])),
     "transpose": _with(ops.transpose, order=lambda p: _whole(p["permutation"])),
     "rev": _with(ops.reverse, axes=lambda p: _whole(p["dimensions"])),
     "tile": _with(ops.tile, times=lambda p: _whole(p["reps"])),
-    "concatenate": _with(ops.concatenate, axis=lambda p: p["dimension"]),
-    "stack": _with(ops.stack, axis=lambda p: p["axis"]),
-    "unstack": _with(ops.unstack, axis=lambda p: p["axis"]),
+    "concatenate": _with(ops.concatenate, axis=lambda p: int(p["dimension"])),
+    "stack": _with(ops.stack, axis=lambda p: int(p["axis"])),
+    "unstack": _with(ops.unstack, axis=lambda p: int(p["axis"])),
     "split": _with(
-        ops.split, cuts=lambda p: _whole(np.cumsum(p["sizes"])[:-1]), axis=lambda p: p["axis"]
+        ops.split, cuts=lambda p: _whole(np.cumsum(p["sizes"])[:-1]), axis=lambda p: int(p["axis"])
     ),
     "slice": _with(
         ops.cut,
@@ -478,7 +478,7 @@ def _along(operation: Operation) -> Rule:
     return lambda equation: partial(
         ops.accumulate,
         function=operation,
-        axis=equation.params["axis"],
+        axis=int(equation.params["axis"]),
         dtype=_result_of(equation).dtype,
         backwards=equation.params["reverse"],
     )
@@ -487,7 +487,7 @@ def _along(operation: Operation) -> Rule:
 def _sort(equation: JaxprEqn) -> Operation | None:
     if equation.params["num_keys"] != 1:
         return None
-    return partial(ops.sort, axis=equation.params["dimension"])
+    return partial(ops.sort, axis=int(equation.params["dimension"]))
 
 
 def _dot_general(equation: JaxprEqn) -> Operation:

@@ -94,7 +94,7 @@ def pack_poses(
         ...     return pack_poses(linkage, jnp.array([[0.7]])).position("B")[1, 0]
         >>> slope = jax.grad(height)(linkage)
         >>> round(float(slope.links["crank"].length), 4)
-        0.3017
+        -0.8418
     """
     inputs = as_float(inputs)
     solver = Solver.of(linkage, inputs.dtype, of)
@@ -142,9 +142,12 @@ def compile_poses(
         >>> from importlib.resources import files
         >>> from kinematics import read_linkage
         >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
-        >>> poses = jax.device_get(compile_poses(linkage)(np.deg2rad([[40.0], [90.0]], dtype="f4")))
-        >>> poses.ok.tolist(), poses.position("B").round(2).tolist()
-        ([1.0, 1.0], [[137.8, 111.83], [58.91, 69.0]])
+        >>> inputs = jnp.deg2rad(jnp.array([[40.0], [90.0]]))
+        >>> poses = jax.device_get(compile_poses(linkage)(inputs))
+        >>> print(poses.ok, poses.position("B").round(2), sep="\\n")
+        [1. 1.]
+        [[143.19 113.54]
+         [ 67.34  78.85]]
     """
     targets = None if of is None else tuple(of)
 

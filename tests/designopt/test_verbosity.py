@@ -11,7 +11,7 @@ from tests.commands import python
 from tests.designopt.plugin import points
 
 RUN = "run square --set side=3 --out o"
-SWEEP = ("--sweep", "crank=0:360:4")
+DRAWN = ("--sweep", "crank=0:360:4", "--figure", "four-bar.png")
 
 
 @pytest.fixture
@@ -56,7 +56,7 @@ def test_twice_verbose_names_what_is_compiled(tmp_path):
     (tmp_path / "four-bar.toml").write_text(
         python("-m", "designopt", "new", "four-bar", "-").stdout, encoding="utf-8"
     )
-    done = python("-m", "designopt", "-vv", "solve", "four-bar.toml", *SWEEP, cwd=tmp_path)
+    done = python("-m", "designopt", "-vv", "solve", "four-bar.toml", *DRAWN, cwd=tmp_path)
     assert done.returncode == 0
     assert re.search(r"^compiled .*: \d+\.\d\d s$", done.stderr, re.MULTILINE)
 
