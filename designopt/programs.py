@@ -23,8 +23,11 @@ from designopt.compilation_cache import compiling_anew, current_store, forget_wi
 from designopt.interpreter import Interpreter, Structure
 from designopt.kept import PACKAGES, find_value, keep_value, kept_value, processor
 
-QUICK = {"xla_cpu_use_fusion_emitters": False}
-"""Options of XLA, as `jax.jit` takes them: less than half the time, for programs as fast."""
+QUICK = {"xla_cpu_use_fusion_emitters": False, "xla_cpu_experimental_ynn_fusion_type": ""}
+"""Options of XLA, as `jax.jit` takes them: less than half the time, for programs as fast.
+
+And no library for reductions of its own: before each it would write what is reduced to memory.
+"""
 
 LEAST_PACKED, MOST_PACKED = 12, 2**17
 """So many results, of no more numbers together, become one of each type: JAX takes longer over a
@@ -133,17 +136,20 @@ class _Packed:
 
 @functools.cache
 def known_options() -> dict[str, Any]:
-    """`QUICK`, unless this version of XLA has no such option.
+    """Those of `QUICK` that this version of XLA has.
 
     And nothing where JAX compiles without most optimisations: with both, slopes are wrong.
     """
     if jax.config.values["jax_disable_most_optimizations"]:
         return {}
-    try:
-        jax.jit(jnp.negative, compiler_options=QUICK)(0.0)
-    except jax.errors.JaxRuntimeError:
-        return {}
-    return QUICK
+    found = dict[str, Any]()
+    for option in QUICK.items():
+        try:
+            jax.jit(jnp.negative, compiler_options=dict([option]))(0.0)
+        except jax.errors.JaxRuntimeError:
+            continue
+        found |= [option]
+    return found
 
 
 class QuickJit:

@@ -80,7 +80,9 @@ def hull(
     ), jnp.any(active, axis=-1)
 
 
-def gaps(window: Interval, shadows: Interval, active: Bool[Array, " shadows"]) -> Interval:
+def gaps(
+    window: Interval, shadows: Interval, active: Bool[Array, " shadows"]
+) -> tuple[Float[Array, " candidates"], Float[Array, " candidates"]]:
     """What is left of a window between shadows that may overlap.
 
     A point x lies right of the middle of some shadows and left of the middle of the others. It is
@@ -95,18 +97,39 @@ def gaps(window: Interval, shadows: Interval, active: Bool[Array, " shadows"]) -
         active: which of them count.
 
     Returns:
-        The candidates, shape (1 + shadows,), in no particular order; of inactive shadows reversed
-        and very long.
+        Starts and ends of the candidates, of which there is one more than shadows, in no particular
+        order; of inactive shadows reversed and very long. What bounds gaps `bounds_of_gap` finds.
     """
     middles = _middles(shadows, active)
     after = jax.vmap(partial(_gap_after, window, shadows, active))
-    return after(jnp.arange(middles.size), middles)
+    found = after(jnp.arange(middles.size), middles)
+    return found.start, found.end
+
+
+def bounds_of_gap(
+    window: Interval,
+    shadows: Interval,
+    active: Bool[Array, " shadows"],
+    start: Float[Array, ""],
+    end: Float[Array, ""],
+) -> tuple[Int[Array, ""], Int[Array, ""]]:
+    """Labels of what bounds one of the `gaps` of positive length.
+
+    No shadow beyond such a gap ends where it starts, so that all can be asked alike. Candidates are
+    many, and gaps few: looking up the labels of all takes longer than finding them.
+    """
+    before = _label_at(active & (shadows.end == start), shadows.end_label, 0)
+    after = _label_at(active & (shadows.start == end), shadows.start_label, 0)
+    return (
+        jnp.where(start > window.start, before, window.start_label),
+        jnp.where(end < window.end, after, window.end_label),
+    )
 
 
 def widest_gap(window: Interval, shadows: Interval, active: Bool[Array, " shadows"]) -> Interval:
     """The longest of the candidates for `gaps`, whose length may be negative."""
-    every = gaps(window, shadows, active)
-    best = jnp.argmax(every.end - every.start)
+    start, end = gaps(window, shadows, active)
+    best = jnp.argmax(end - start)
     # Found once more with its labels, of which a compiler then computes no others.
     return _gap_after(window, shadows, active, best, _middles(shadows, active)[best])
 

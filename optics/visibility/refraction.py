@@ -22,12 +22,12 @@ curved otherwise, its radius √(1 + w²) x(w) / w.
 from __future__ import annotations
 
 import abc
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, Shaped
+from jaxtyping import Array, Bool, Float, Int, Shaped
 
 from designopt.numerics import bisect, safe_divide
 from designopt.vectors import Vector, vector
@@ -98,10 +98,19 @@ class Stack(eqx.Module):
         far, _ = safe_divide(jnp.where(unbent, 0.0, x - shift), h)
         start = jnp.maximum(near, far)
 
-        def climb(_: Any, w: Float[Array, ""]) -> Float[Array, ""]:
-            return w + (x - still.along(w)) / still.rise(w)
+        def rises(state: tuple[Array, Array, Array]) -> Bool[Array, ""]:
+            number, w, step = state
+            return (step > enough * w) & (number < STEPS)
 
-        root = jnp.sign(along) * jax.lax.fori_loop(0, STEPS, climb, start)
+        def climb(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+            number, w, _ = state
+            step = (x - still.along(w)) / still.rise(w)
+            return number + 1, w + step, step
+
+        # What is missing after so small a step is less than rounding, for it is its square.
+        enough = jnp.sqrt(jnp.finfo(x.dtype).eps)
+        first = jnp.zeros((), int), start, jnp.full_like(start, jnp.inf)
+        root = jnp.sign(along) * jax.lax.while_loop(rises, climb, first)[1]
         root = jax.lax.stop_gradient(root)
         # One more step with all derivatives: those of the root, by the theorem of implicit
         # functions.

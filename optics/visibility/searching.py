@@ -21,7 +21,14 @@ from designopt.vectors import Vector
 from optics.scene.camera import Camera
 from optics.visibility.boundaries import PER_SEGMENT, Segments, conditions
 from optics.visibility.boundary_codes import LIMITS
-from optics.visibility.intervals import Interval, common_part, gaps, hull, where_positive
+from optics.visibility.intervals import (
+    Interval,
+    bounds_of_gap,
+    common_part,
+    gaps,
+    hull,
+    where_positive,
+)
 from optics.visibility.lines_of_sight import coordinates
 from optics.visibility.pads import Faces, Pad, Windows
 from optics.visibility.refraction import Cover
@@ -56,51 +63,100 @@ class Found(eqx.Module):
     result: ViewResult
 
 
+class Candidates(eqx.Module):
+    """What one path may show of one surface, and what bounds it.
+
+    Attributes:
+        window: what all that must be passed leaves.
+        shadows: what hides some of it.
+        active: which of these count.
+        start: where candidates for pieces begin.
+        end: where they end.
+        present: which of them are pieces.
+        result: why none of them is.
+    """
+
+    window: Interval
+    shadows: Interval
+    active: Bool[Array, "*views shadows"]
+    start: Float[Array, "*views gaps"]
+    end: Float[Array, "*views gaps"]
+    present: Bool[Array, "*views gaps"]
+    result: ViewResult
+
+
+class Chosen(eqx.Module):
+    """The candidates of a pad that are pieces, side by side; there is room for more.
+
+    Attributes:
+        present: whether there is such a piece.
+        view: by which path and surface.
+        start: where it begins on that surface.
+        end: where it ends.
+        free: room, and one, minus the pieces; not positive if some were left out.
+    """
+
+    present: Bool[Array, "*pads pieces"]
+    view: Int[Array, "*pads pieces"]
+    start: Float[Array, "*pads pieces"]
+    end: Float[Array, "*pads pieces"]
+    free: Float[Array, "*pads"]
+
+
 def find(camera: Camera, paths: Unfolded, faces: Faces, max_pieces: int | None) -> Found:
-    """The pieces of all pads by all paths, both along a first axis."""
+    """The pieces of all pads by all paths, both along a first axis.
+
+    Candidates are many and pieces few: what is not needed to choose these is computed afterwards.
+    """
     of_path = jax.vmap(partial(search, camera), (0, None, 0))
-    pieces, *more = jax.vmap(of_path, (None, 0, 1))(paths, faces.seen, faces.windows)
-    views: Any = _on_membranes(paths, faces, pieces), *more
+    every = jax.vmap(of_path, (None, 0, 1))(paths, faces.seen, faces.windows)
+    candidates, result = (every.start, every.end, every.present), every.result
     if faces.ends is not None:
-        views = _with_ends(faces, views)
+        candidates, result = _with_ends(faces, candidates, result)
     room = 8 + 2 * len(paths.reflects) if max_pieces is None else max_pieces
-    found = jax.vmap(partial(_first, room))(*views)
-    if faces.ends is None:
-        return found
-    face, path = jnp.divmod(found.path, len(paths.reflects))
-    return eqx.tree_at(lambda f: (f.path, f.face), found, (path, face), is_leaf=lambda x: x is None)
+    chosen = jax.vmap(partial(_choose, room))(*candidates)
+    face, path = None, chosen.view
+    if faces.ends is not None:
+        face, path = jnp.divmod(chosen.view, len(paths.reflects))
+    pieces = _pieces(paths, faces, every, chosen, face, path)
+    order = jnp.argsort(jnp.where(chosen.present, pieces.start, 2.0))
+
+    def arranged(numbers: Shaped[Array, "pads pieces"]) -> Shaped[Array, "pads pieces"]:
+        there = jnp.where(chosen.present, numbers, jnp.zeros_like(numbers))
+        return jnp.take_along_axis(there, order, axis=1)
+
+    bounds = jnp.stack([arranged(pieces.start_label), arranged(pieces.end_label)], axis=-1)
+
+    def outcome(free: Float[Array, ""], result: ViewResult) -> ViewResult:
+        return ViewResult.where(free > 0, result, ViewResult.too_many)
+
+    return Found(
+        arranged(chosen.present),
+        arranged(path),
+        None if face is None else arranged(face),
+        bounds,
+        chosen.free,
+        jax.vmap(jax.vmap(outcome, (None, 0)))(chosen.free, result),
+    )
 
 
-def _on_membranes(paths: Unfolded, faces: Faces, pieces: Interval) -> Interval:
-    """Pieces of surfaces that are seen as pieces of the pads behind them."""
-    if faces.fronts is None:
-        return pieces
-
-    def of_face(cover: Cover, face: Pad, pieces: Interval) -> Interval:
-        return jax.vmap(partial(_on_membrane, cover, face.ends()))(paths, pieces)
-
-    shown = [
-        jax.vmap(of_face)(
-            cover, *jax.tree.map(lambda leaf, own=own: leaf[own], (faces.seen, pieces))
-        )
-        for cover, own in faces.covers()
-    ]
-    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *shown)
-
-
-def _with_ends(faces: Faces, views: Any) -> Any:
+def _with_ends(faces: Faces, candidates: Any, results: ViewResult) -> tuple[Any, ViewResult]:
     """Of every pad its views by its outermost surface and then by its clear end faces."""
     ends_of = np.array(faces.ends_of)
     there = jnp.asarray(ends_of >= 0)[..., None, None]
-    fronts = jax.tree.map(lambda leaf: leaf[: len(ends_of)], views)
-    pieces, present, results = jax.tree.map(lambda leaf: leaf[len(ends_of) + ends_of], views)
+    (*fronts, shown), by_front = jax.tree.map(
+        lambda leaf: leaf[: len(ends_of)], (candidates, results)
+    )
+    (*of_ends, others), by_ends = jax.tree.map(
+        lambda leaf: leaf[len(ends_of) + ends_of], (candidates, results)
+    )
+    others &= there
 
     def joined(front: Shaped[Array, "..."], of_ends: Shaped[Array, "..."]) -> Shaped[Array, "..."]:
         every = jnp.concatenate([front[:, None], of_ends], axis=1)
         return every.reshape(len(front), -1, front.shape[-1])
 
-    both = jax.tree.map(joined, fronts[:2], (pieces, present & there))
-    seen = jnp.any(present & there, axis=(1, 3))
+    seen = jnp.any(others, axis=(1, 3))
 
     def outcome(
         seen: Bool[Array, ""], by_front: ViewResult, own: Bool[Array, " ends"], by_end: ViewResult
@@ -114,38 +170,69 @@ def _with_ends(faces: Faces, views: Any) -> Any:
         return ViewResult.where(seen, ViewResult.successful, result)
 
     of_paths = jax.vmap(outcome, (0, 0, None, 1))
-    return *both, jax.vmap(of_paths)(seen, fronts[2], jnp.asarray(ends_of >= 0), results)
+    both = map(joined, (*fronts, shown), (*of_ends, others))
+    return tuple(both), jax.vmap(of_paths)(seen, by_front, jnp.asarray(ends_of >= 0), by_ends)
 
 
-def _first(
+def _choose(
     room: int,
-    candidates: Interval,
+    start: Float[Array, "views gaps"],
+    end: Float[Array, "views gaps"],
     present: Bool[Array, "views gaps"],
-    result: ViewResult,
-) -> Found:
-    """The pieces of a pad, as far as there is room, their views in place of paths."""
-    gap_count, max_pieces = present.shape[1], min(room, present.size)
-    # Few candidates are there: these are put side by side before they are sorted.
-    every = present.reshape(-1)
-    slots = jnp.where(every, jnp.cumsum(every) - 1, max_pieces)
-    few = jnp.zeros(max_pieces, int).at[slots].set(jnp.arange(every.size), mode="drop")
-    there = jnp.arange(max_pieces) < jnp.sum(every)
-    order = few[jnp.argsort(jnp.where(there, candidates.start.reshape(-1)[few], 2.0))]
-    bounds = jnp.stack([candidates.start_label, candidates.end_label], axis=-1).reshape(-1, 2)
-    free = max_pieces + 1 - jnp.sum(present)
-    return Found(
-        there,
-        jnp.where(there, order // gap_count, 0),
-        None,
-        jnp.where(there[:, None], bounds[order], 0),
-        free.astype(candidates.start.dtype),
-        jax.vmap(lambda result: ViewResult.where(free > 0, result, ViewResult.too_many))(result),
+) -> Chosen:
+    """The pieces of a pad, as far as there is room."""
+    every, max_pieces = present.reshape(-1), min(room, present.size)
+    counts, numbers = jnp.cumsum(every), jnp.arange(max_pieces)
+    few = jnp.searchsorted(counts, numbers + 1, method="scan_unrolled").astype(int)
+    few, count = jnp.minimum(few, every.size - 1), counts[-1]
+    return Chosen(
+        numbers < count,
+        few // present.shape[1],
+        start.reshape(-1)[few],
+        end.reshape(-1)[few],
+        (max_pieces + 1 - count).astype(start.dtype),
     )
 
 
-def search(
-    camera: Camera, path: Unfolded, pad: Pad, inner: Windows
-) -> tuple[Interval, Bool[Array, " gaps"], ViewResult]:
+def _pieces(
+    paths: Unfolded,
+    faces: Faces,
+    every: Candidates,
+    chosen: Chosen,
+    face: Int[Array, "pads pieces"] | None,
+    path: Int[Array, "pads pieces"],
+) -> Interval:
+    """Those that were chosen on the pads behind the surfaces, and what bounds them."""
+    seen_by = jnp.arange(len(path))[:, None]
+    if face is not None:
+        seen_by = jnp.where(face > 0, len(path) + faces.end_of(face), seen_by)
+    of_views = jax.tree.map(
+        lambda leaf: leaf.at[seen_by, path].get(mode="promise_in_bounds"),
+        (every.window, every.shadows, every.active),
+    )
+    by, entries = paths.at(path), (chosen.start, chosen.end)
+    labels = jax.vmap(jax.vmap(bounds_of_gap))(*of_views, *entries)
+
+    def met(pad: Pad, _: Windows, __: Array, by: Unfolded, *piece: Array) -> Interval:
+        return _limit_met(by, pad, Interval(*piece))
+
+    pieces = faces.of_pieces(met, face, path, by, *entries, *labels)
+    if faces.fronts is None:
+        return pieces
+
+    def behind(cover: Cover, ends: Vector, entries: Array, by: Unfolded) -> Array:
+        return coordinates(by, cover, ends, entries)
+
+    places = faces.through(behind, face, jnp.stack(entries, axis=-1), by)
+    start, end = places[..., 0], places[..., 1]
+    # Through an end face what enters higher may lie nearer to the pad's first end.
+    turned = start > end
+    labels = pieces.start_label, pieces.end_label
+    first, last = jnp.where(turned, labels[1], labels[0]), jnp.where(turned, labels[0], labels[1])
+    return Interval(jnp.minimum(start, end), jnp.maximum(start, end), first, last)
+
+
+def search(camera: Camera, path: Unfolded, pad: Pad, inner: Windows) -> Candidates:
     """One pad by one path.
 
     Args:
@@ -153,14 +240,11 @@ def search(
         path: the path.
         pad: the pad.
         inner: what its layers let through.
-
-    Returns:
-        Candidates for pieces, which of them are there, and why there are none.
     """
     segments, others, edge_on = _parts(camera, path, pad)
     window = _window(camera, path, inner, segments, others, edge_on)
     shadows, active = _shadows(camera, path, pad, segments, others, edge_on)
-    pieces = _limit_met(path, pad, gaps(window, shadows, active))
+    start, end = gaps(window, shadows, active)
 
     above = left_of(path.eye(pad.start, pad.end), pad.start, pad.end - pad.start)
     front = (above != 0) & (pad.side * above >= 0)
@@ -168,7 +252,7 @@ def search(
     # Nothing is left of a mirror that lies in the line of the mirror beside it.
     open_ = jnp.all(path.mirrors.active | ~path.per_window(path.reflects))
     shortest = SHORTEST_PIECE * jnp.finfo(above.dtype).eps
-    present = front & ~turned_away & open_ & (pieces.end - pieces.start > shortest)
+    present = front & ~turned_away & open_ & (end - start > shortest)
     # The last shadow is what a field of view beyond 180° leaves out.
     outside = active[-1] & (shadows.start[-1] <= window.start) & (shadows.end[-1] >= window.end)
     looks = open_ & (window.end > window.start) & ~outside
@@ -176,18 +260,7 @@ def search(
     result = ViewResult.where(front, result, ViewResult.behind_pad)
     result = ViewResult.where(turned_away, ViewResult.behind_mirror, result)
     result = ViewResult.where(jnp.any(present), ViewResult.successful, result)
-    return pieces, present, result
-
-
-def _on_membrane(cover: Cover, face: Vector, path: Unfolded, pieces: Interval) -> Interval:
-    """Pieces of the surface that is seen as pieces of the pad behind it."""
-    entries = jnp.concatenate([pieces.start, pieces.end])
-    start, end = jnp.split(coordinates(path, cover, face, entries), 2)
-    # Through an end face what enters higher may lie nearer to the pad's first end.
-    turned = start > end
-    labels = (pieces.start_label, pieces.end_label)
-    first, last = jnp.where(turned, labels[1], labels[0]), jnp.where(turned, labels[0], labels[1])
-    return Interval(jnp.minimum(start, end), jnp.maximum(start, end), first, last)
+    return Candidates(window, shadows, active, start, end, present, result)
 
 
 def _parts(
@@ -261,19 +334,19 @@ def _shadows(
     return shadows, jnp.append(active, beyond)
 
 
-def _limit_met(path: Unfolded, pad: Pad, pieces: Interval) -> Interval:
-    """Pieces that end, of the field of view's two limits, at that on whose side the place lies.
+def _limit_met(path: Unfolded, pad: Pad, piece: Interval) -> Interval:
+    """A piece that ends, of the field of view's two limits, at that on whose side the place lies.
 
     At half a turn both are one line, and which condition ends first is rounding.
     """
     limits = PER_SEGMENT * path.blockers.active.size
     step, toward = pad.end - pad.start, pad.start - path.source
-    places = jnp.stack([pieces.start, pieces.end])
-    labels = jnp.stack([pieces.start_label, pieces.end_label])
+    places = jnp.stack([piece.start, piece.end])
+    labels = jnp.stack([piece.start_label, piece.end_label])
     if path.slide is None:
         right = path.axis.cross(toward) + places * path.axis.cross(step) <= 0
     else:
         right = path.axis.cross(path.to(pad.start + step.scaled(places)).arrow) <= 0
     is_limit = (labels == limits) | (labels == limits + 1)
     met = jnp.where(is_limit, limits + right.astype(labels.dtype), labels)
-    return Interval(pieces.start, pieces.end, met[0], met[1])
+    return Interval(piece.start, piece.end, met[0], met[1])

@@ -9,6 +9,7 @@ from hypothesis.extra.numpy import arrays
 
 from optics.visibility.intervals import (
     Interval,
+    bounds_of_gap,
     common_part,
     gaps,
     measure_of_union,
@@ -35,6 +36,7 @@ def part_of(first: jax.Array, last: jax.Array) -> Interval:
 
 
 gaps_of, widest_gap_of = jax.jit(gaps), jax.jit(widest_gap)
+bounds_of = jax.jit(jax.vmap(bounds_of_gap, (None, None, None, 0, 0)))
 
 values = arrays(np.int64, CONDITIONS, elements=st.integers(-5, 5))
 places = arrays(np.int64, SHADOWS, elements=st.integers(-24, 40))
@@ -82,10 +84,16 @@ def free_samples(starts, ends, active, window):
 def test_gaps_are_what_no_shadow_covers(places, lengths, active, window):
     starts, ends = places * STEP, (places + lengths) * STEP
     samples, free = free_samples(starts, ends, active, window)
-    found = jax.tree.map(np.asarray, gaps_of(*shadows_of(starts, ends, active, window)))
+    given = shadows_of(starts, ends, active, window)
+    first, last = map(np.asarray, gaps_of(*given))
     column = samples[:, None]
-    times = ((found.start < column) & (column < found.end)).sum(axis=1)
+    times = ((first < column) & (column < last)).sum(axis=1)
     np.testing.assert_array_equal(times, free)
+    # What they start and end at has the labels.
+    before, after = map(np.asarray, bounds_of(*given, first, last))
+    there = first < last
+    np.testing.assert_array_equal(first[there], np.append(ends, window[0] * STEP)[before[there]])
+    np.testing.assert_array_equal(last[there], np.append(starts, window[1] * STEP)[after[there]])
 
 
 @given(places, lengths, flags, window_ends)
@@ -121,8 +129,8 @@ def test_gaps_have_finite_derivatives_where_shadows_coincide():
     def longest(ends):
         shadows = Interval(ends[0], ends[1], jnp.arange(2), jnp.arange(2))
         window = Interval(jnp.array(0.0), jnp.array(1.0), jnp.array(1), jnp.array(2))
-        found = gaps(window, shadows, jnp.array([True, True]))
-        return jnp.max(found.end - found.start)
+        first, last = gaps(window, shadows, jnp.array([True, True]))
+        return jnp.max(last - first)
 
     slopes = jax.jit(jax.grad(longest))(jnp.array([[0.2, 0.2], [0.6, 0.6]]))
     assert np.isfinite(slopes).all()
