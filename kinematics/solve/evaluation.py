@@ -26,20 +26,24 @@ class Drive(eqx.Module):
     Attributes:
         values: values of the inputs, rad or units of the linkage's size.
         turns: their cosines and sines, for the inputs that are angles.
-        back: +1 or −1, the direction in which each goes back to the sketch; 0 if it is there.
+        home: values of the sketch.
     """
 
     values: Float[Array, "*batch inputs"]
     turns: Vector
-    back: Float[Array, "*batch inputs"]
+    home: Float[Array, " inputs"]
 
     @classmethod
     def at(cls, values: Float[Array, "*batch inputs"], home: Float[Array, " inputs"]) -> Drive:
         """The drive for these values of the inputs, sketched at ``home``."""
+        return cls(values, rotation(values), home)
+
+    @property
+    def back(self) -> Float[Array, "*batch inputs"]:
+        """+1 or −1, the direction in which each goes back to the sketch; 0 if it is there."""
         # At a change point the pose has a limit from each side; of these the one on the way from
         # the sketch is meant, and a sign has no derivative.
-        back = jnp.sign(jnp.broadcast_to(home, values.shape) - values)
-        return cls(values, rotation(values), jax.lax.stop_gradient(back))
+        return jax.lax.stop_gradient(jnp.sign(self.home - self.values))
 
 
 @dataclass

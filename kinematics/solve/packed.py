@@ -12,13 +12,13 @@ from dataclasses import dataclass, field
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
-from designopt.batching import map_in_chunks
 from designopt.numerics import as_float
 from designopt.programs import known_options
 from kinematics.model.linkage import Linkage
-from kinematics.solve.poses import BLOCK, is_pose
+from kinematics.solve.evaluation import State
+from kinematics.solve.poses import is_pose, map_states
 from kinematics.solve.solver import Solver
 
 MARGIN, OK = 0, 1
@@ -100,11 +100,9 @@ def pack_poses(
     solver = Solver.of(linkage, inputs.dtype, of)
     names: list[Names] = []
 
-    def pose(values: Float[Array, " inputs"]) -> Float[Array, " rows"]:
-        finite = jnp.all(jnp.isfinite(values))
-        state = solver.state(solver.drive(jnp.where(finite, values, 0.0)))
+    def rows(state: State, finite: Bool[Array, ""]) -> list[Float[Array, ""]]:
         found, (margin, ok) = solver.pose(state), is_pose(state, finite)
-        numbers = [margin * solver.size, ok.astype(values.dtype)]
+        numbers = [margin * solver.size, ok.astype(inputs.dtype)]
 
         def added(*parts: Array) -> int:
             numbers.extend(parts)
@@ -114,20 +112,15 @@ def pack_poses(
         bodies = tuple((name, added(turn.x, turn.y)) for name, turn in found.bodies.items())
         slides = tuple((number, added(slide)) for number, slide in found.slides.items())
         names.append((joints, bodies, slides))
-        return jnp.stack(numbers)
+        return numbers
 
-    solve = jax.vmap(pose, out_axes=1)
-    if len(inputs) <= BLOCK:
-        array = solve(inputs)
-    else:
-        array = map_in_chunks(lambda part: solve(part).T, inputs, BLOCK).T
-    return PackedPoses(array, *names[-1])
+    return PackedPoses(jnp.stack(map_states(solver, inputs, rows)), *names[-1])
 
 
 def compile_poses(
     linkage: Linkage, *, of: Iterable[str] | None = None
 ) -> Callable[[Float[Array | np.ndarray, "poses inputs"]], PackedPoses]:
-    """`pack_poses` of one linkage, compiled with its dimensions as constants.
+    r"""`pack_poses` of one linkage, compiled with its dimensions as constants.
 
     Args:
         linkage: the linkage; it is computed in the float type of its arrays.
@@ -144,7 +137,7 @@ def compile_poses(
         >>> linkage = read_linkage(files("studies") / "gallery/linkages/four-bar.toml")
         >>> inputs = jnp.deg2rad(jnp.array([[40.0], [90.0]]))
         >>> poses = jax.device_get(compile_poses(linkage)(inputs))
-        >>> print(poses.ok, poses.position("B").round(2), sep="\\n")
+        >>> print(poses.ok, poses.position("B").round(2), sep="\n")
         [1. 1.]
         [[143.19 113.54]
          [ 67.34  78.85]]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import equinox as eqx
@@ -13,6 +13,7 @@ from jaxtyping import Array, Bool, Float
 from designopt.batching import map_in_chunks
 from designopt.numerics import as_float
 from designopt.solution import Solution
+from designopt.vectors import Vector
 from kinematics.model.linkage import Linkage
 from kinematics.solve.continuation import ROUNDING_UNITS
 from kinematics.solve.evaluation import Drive, State, closure
@@ -113,21 +114,35 @@ def solve_poses(
     inputs = as_float(inputs)
     solver = Solver.of(linkage, inputs.dtype, of, signs)
     batch = inputs.shape[:-1]
-    finite = jnp.all(jnp.isfinite(inputs), axis=-1)
-    # Angles become unit vectors here: XLA would compute their sines anew for every output.
-    drive = solver.drive(jnp.where(finite[..., None], inputs, 0.0))
-    flat = jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[len(batch) :]), (drive, finite))
-    count = flat[1].shape[0]
-    solve = jax.vmap(lambda pose: _solve_one(solver, *pose))
-    if count < FEW:
-        solved = solve(flat)
-    else:
-        solved = map_in_chunks(jax.checkpoint(solve), flat, min(BLOCK, -(-count // 2)))
+    inputs = inputs.reshape(-1, inputs.shape[-1])
+    solved = map_states(solver, inputs, lambda *state: pose_solution(solver, *state))
     return jax.tree.map(lambda leaf: leaf.reshape(*batch, *leaf.shape[1:]), solved)
 
 
-def _solve_one(solver: Solver, drive: Drive, finite: Bool[Array, ""]) -> Solution[Pose]:
-    return pose_solution(solver, solver.state(drive), finite)
+def map_states(
+    solver: Solver,
+    inputs: Float[Array, "poses inputs"],
+    answer: Callable[[State, Bool[Array, ""]], Any],
+) -> Any:
+    """In every pose the answer from its state and from whether its inputs are numbers.
+
+    Args:
+        solver: computes the states.
+        inputs: rad or mm.
+        answer: of one pose.
+    """
+    finite = jnp.all(jnp.isfinite(inputs), axis=-1)
+    # Angles become unit vectors here: XLA would compute their sines anew for every output.
+    drive = solver.drive(jnp.where(finite[:, None], inputs, 0.0))
+
+    def of_one(values: Array, turns: Vector, finite: Bool[Array, ""]) -> Any:
+        return answer(solver.state(Drive(values, turns, solver.home)), finite)
+
+    given, of_some = (drive.values, drive.turns, finite), jax.vmap(of_one)
+    if (count := len(inputs)) < FEW:
+        return of_some(*given)
+    chunk = min(BLOCK, -(-count // 2))
+    return map_in_chunks(jax.checkpoint(lambda some: of_some(*some)), given, chunk)
 
 
 def pose_solution(solver: Solver, state: State, finite: Bool[Array, ""]) -> Solution[Pose]:
