@@ -16,6 +16,7 @@ from jaxtyping import Array, Bool, Float
 
 from designopt.numerics import as_float
 from designopt.programs import known_options
+from designopt.vectors import Vector
 from kinematics.model.linkage import Linkage
 from kinematics.solve.evaluation import State
 from kinematics.solve.poses import is_pose, map_states
@@ -84,7 +85,7 @@ def pack_poses(
     Args:
         linkage: the linkage.
         inputs: values of the inputs, rad or mm.
-        of: joints and bodies asked for; all by default.
+        of: joints and bodies asked for, no others have rows; all and the slides by default.
 
     Example:
         >>> from importlib.resources import files
@@ -97,7 +98,8 @@ def pack_poses(
         -0.8418
     """
     inputs = as_float(inputs)
-    solver = Solver.of(linkage, inputs.dtype, of)
+    targets = None if of is None else frozenset(of)
+    solver = Solver.of(linkage, inputs.dtype, targets)
     names: list[Names] = []
 
     def rows(state: State, finite: Bool[Array, ""]) -> list[Float[Array, ""]]:
@@ -108,10 +110,14 @@ def pack_poses(
             numbers.extend(parts)
             return len(numbers) - len(parts)
 
-        joints = tuple((name, added(at.x, at.y)) for name, at in found.joints.items())
-        bodies = tuple((name, added(turn.x, turn.y)) for name, turn in found.bodies.items())
-        slides = tuple((number, added(slide)) for number, slide in found.slides.items())
-        names.append((joints, bodies, slides))
+        def rows_of(parts: dict[str, Vector]) -> tuple[tuple[str, int], ...]:
+            asked = parts if targets is None else [name for name in parts if name in targets]
+            return tuple((name, added(parts[name].x, parts[name].y)) for name in asked)
+
+        joints, bodies = rows_of(found.joints), rows_of(found.bodies)
+        slides = found.slides if targets is None else {}
+        numbered = tuple((number, added(slide)) for number, slide in slides.items())
+        names.append((joints, bodies, numbered))
         return numbers
 
     return PackedPoses(jnp.stack(map_states(solver, inputs, rows)), *names[-1])
@@ -124,7 +130,7 @@ def compile_poses(
 
     Args:
         linkage: the linkage; it is computed in the float type of its arrays.
-        of: joints and bodies asked for; all by default.
+        of: as in `pack_poses`; what is not asked for takes no time.
 
     Returns:
         A function of inputs, of that float type, shape (poses, inputs). Each number of poses is

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -18,7 +19,7 @@ from jaxtyping import Array
 
 from designopt.study.benchmark import BenchmarkMethod, compile_methods
 from designopt.study.stability import DIGITS
-from kinematics import Linkage
+from kinematics import Linkage, PackedPoses, compile_poses
 from studies.benchmarks.linkage import cases, walks
 from studies.benchmarks.linkage.cases import drawn, linkage_of, numbers_of
 from studies.benchmarks.linkage.iterations import closed_form, find_roots, newton
@@ -27,6 +28,7 @@ from studies.oracles import linkages as exact
 from studies.oracles.linkages import Case
 
 OURS = "closed form"
+PACKED = "closed form, packed"
 VALUE = "value without gradient"
 FLOOR = "sin and cos alone"
 FIXED = "Newton, fixed steps"
@@ -43,6 +45,9 @@ SCIPY = 1.49012e-8
 
 VECTORISED_PART = 10_000
 """Poses of a longer sweep that Optimistix solves."""
+
+MOST_PACKED = 1000
+"""Poses of a sweep that is solved as a control loop solves it, too: in one array."""
 
 CHECKED = 200
 """Poses of a sweep that are compared with the reference, evenly spaced."""
@@ -138,6 +143,8 @@ def methods(work: Workload, *, peers: bool, optimistix: bool) -> Iterator[Benchm
         names += list(OPTIMISTIX)[: len(OPTIMISTIX) if main else 1] if optimistix else []
     for name in names:
         yield from _batched(work, name, linkage)
+    if double and not work.gradient and work.poses <= MOST_PACKED:
+        yield _packed(work, linkage)
     if double:  # the others compute in nothing else
         for name, tool in SEQUENTIAL.items():
             if tool.package == "scipy" or (peers and installed(tool.package)):
@@ -161,6 +168,20 @@ def _batched(work: Workload, name: str, linkage: Linkage) -> Iterator[BenchmarkM
     for method in compile_methods(name, work.panel, error, function, *args, settings=values):
         setting = method.setting + _share(part, work.poses, "evenly spaced ")
         yield replace(method, setting=setting, scale=work.poses / part)
+
+
+def _packed(work: Workload, linkage: Linkage) -> BenchmarkMethod:
+    """`kinematics.compile_poses`, its dimensions fixed as those of the peers are."""
+    solve, inputs = compile_poses(linkage, of=work.case.joints), work.case.angles(work.poses)
+
+    def places(found: PackedPoses) -> np.ndarray:
+        return np.stack([np.asarray(found.position(name)).T for name in work.case.joints], axis=1)
+
+    call, start = partial(solve, inputs[:, None]), time.perf_counter()
+    jax.block_until_ready(call())
+    seconds = time.perf_counter() - start
+    error = partial(position_error, work.case, work.poses, work.poses, places)
+    return BenchmarkMethod(PACKED, "", work.panel, call, error, seconds)
 
 
 def _sequential(work: Workload, name: str, tool: Sequential) -> Iterator[BenchmarkMethod]:

@@ -51,6 +51,7 @@ LEAST_RATIOS = {
 }
 """By linkage and method the metric's name and the least run time over that of the closed form."""
 
+MOST_PACKED = 1.5
 MOST_GRADIENT = 4.0
 FIRST_CALLS = {"four-bar": ("0, 360", 1.5), "finger": ("0, -90", 3.0)}
 """By file of the gallery the range of each input, degrees, and the target in seconds."""
@@ -69,7 +70,7 @@ def run(spec: LinkagePrecisionSpec, context: Context) -> Results:
     main = rows.where(dtype="float64", longest=True)
     ratios = compare_times(main)
     claims = add_speed(out, main, ratios)
-    add_short_sweeps(out, rows.where(longest=False))
+    claims += add_short_sweeps(out, rows.where(longest=False))
     claims += add_gradients(out, ratios.where(asked="gradient"))
     with context.step("First calls in fresh processes"):
         claims += add_first_calls(out, spec.first_call)
@@ -171,21 +172,39 @@ def add_speed(out: Report, rows: Records, ratios: Records) -> list[Claim]:
     return [*fast, out.claim("closed-form", *closest)]
 
 
-def add_short_sweeps(out: Report, rows: Records) -> None:
-    """The fastest method of each short sweep."""
+def add_short_sweeps(out: Report, rows: Records) -> list[Claim]:
+    """The fastest method of each short sweep; the packed call beside pylinkage's fast steps."""
+    ratios = Records()
     for poses, own in rows.group("poses").items():
         winners = [name_fastest(case, part) for case, part in own.group("linkage").items()]
         sweep = "one pose" if poses == 1 else f"{poses:,} poses"
         out.say("fastest", sweep=sweep, winners="; ".join(winners))
+        for case, part in own.group("linkage").items():
+            packed, fast = (
+                part.where(method=name)["row"] for name in (by.PACKED, by.PYLINKAGE_FAST)
+            )
+            if not len(packed):
+                continue
+            both = ratio(packed[0], fast[0]) if len(fast) else None
+            words = {"case": case, "sweep": sweep, "most": MOST_PACKED}
+            name = f"{key(case)}_{poses}_packed_over_pylinkage"
+            out.metric(name, both and both["ratio"], "packed_over_pylinkage", **words)
+            if both:
+                ratios.add(pair=f"{case}, {sweep}", **both)
+    if not len(ratios):
+        return []
+    holds = ratios["ratio"].max() <= MOST_PACKED
+    return [out.claim("packed", spans(ratios, "pair"), bool(holds), most=MOST_PACKED)]
 
 
 def name_fastest(case: str, rows: Records) -> str:
-    """The fastest method with a small error, beside the closed form, or that beside the next."""
-    counts = (rows["error"] <= CLOSE) | (rows["method"] == by.OURS)
+    """The fastest method with a small error, beside a closed form, or that beside the next."""
+    closed = (by.OURS, by.PACKED)
+    counts = (rows["error"] <= CLOSE) | np.isin(rows["method"], closed)
     close = rows.where(counts & (rows["method"] != by.FLOOR))
     first, *rest = sorted(close["row"], key=lambda row: row.seconds)
-    ours = first.method == by.OURS
-    others = [row for row in rest if (row.method == by.OURS) != ours]
+    ours = first.method in closed
+    others = [row for row in rest if (row.method in closed) != ours]
     text = f"{case}, {first.method} ({1e6 * first.seconds:.3g} µs"
     if others:
         more = f"{others[0].seconds / first.seconds:.2g} times as long"
