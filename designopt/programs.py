@@ -142,14 +142,17 @@ def known_options() -> dict[str, Any]:
     """
     if jax.config.values["jax_disable_most_optimizations"]:
         return {}
-    found = dict[str, Any]()
-    for option in QUICK.items():
+
+    def are_known(options: dict[str, Any]) -> bool:
         try:
-            jax.jit(jnp.negative, compiler_options=dict([option]))(0.0)
+            jax.jit(jnp.negative, compiler_options=options)(0.0)
         except jax.errors.JaxRuntimeError:
-            continue
-        found |= [option]
-    return found
+            return False
+        return True
+
+    if are_known(QUICK):
+        return QUICK
+    return dict(option for option in QUICK.items() if are_known(dict([option])))
 
 
 class QuickJit:

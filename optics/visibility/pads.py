@@ -161,14 +161,6 @@ class Faces(eqx.Module):
         seen = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), pads, ends)
         return cls(seen, jnp.concatenate(both, axis=1), fronts, behind, ends_of)
 
-    def covers(self) -> list[tuple[Cover, slice]]:
-        """The layers, and behind which of the surfaces they are."""
-        count = len(self.ends_of)
-        if self.ends is None:
-            return [] if self.fronts is None else [(self.fronts, slice(None))]
-        assert self.fronts is not None
-        return [(self.fronts, slice(count)), (self.ends, slice(count, None))]
-
     def end_of(self, face: Int[Array, "pads pieces"]) -> Int[Array, "pads pieces"]:
         """Which clear end face shows every piece; any where it is none."""
         own = jnp.arange(len(self.ends_of))[:, None]
