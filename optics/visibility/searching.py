@@ -206,17 +206,18 @@ def _pieces(
     seen_by = jnp.arange(len(path))[:, None]
     if face is not None:
         seen_by = jnp.where(face > 0, len(path) + faces.end_of(face), seen_by)
-    of_views = jax.tree.map(
+    window, shadows, active = jax.tree.map(
         lambda leaf: leaf.at[seen_by, path].get(mode="promise_in_bounds"),
         (every.window, every.shadows, every.active),
     )
     by, entries = paths.at(path), (chosen.start, chosen.end)
-    labels = jax.vmap(jax.vmap(bounds_of_gap))(*of_views, *entries)
+    bounds = jax.vmap(jax.vmap(bounds_of_gap))
+    labels = bounds(window, shadows, active, chosen.start, chosen.end)
 
-    def met(pad: Pad, _: Windows, __: Array, by: Unfolded, *piece: Array) -> Interval:
-        return _limit_met(by, pad, Interval(*piece))
+    def met(pad: Pad, _: Windows, __: Array, by: Unfolded, piece: Interval) -> Interval:
+        return _limit_met(by, pad, piece)
 
-    pieces = faces.of_pieces(met, face, path, by, *entries, *labels)
+    pieces = faces.of_pieces(met, face, path, by, Interval(*entries, *labels))
     if faces.fronts is None:
         return pieces
 
