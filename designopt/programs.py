@@ -26,7 +26,8 @@ from designopt.kept import PACKAGES, find_value, keep_value, kept_value, process
 QUICK = {"xla_cpu_use_fusion_emitters": False, "xla_cpu_experimental_ynn_fusion_type": ""}
 """Options of XLA, as `jax.jit` takes them: less than half the time, for programs as fast.
 
-And no library for reductions of its own: before each it would write what is reduced to memory.
+The second keeps reductions within XLA: the library it would call has to have what it reduces in
+memory.
 """
 
 LEAST_PACKED, MOST_PACKED = 12, 2**17

@@ -85,7 +85,7 @@ def pack_poses(
     Args:
         linkage: the linkage.
         inputs: values of the inputs, rad or mm.
-        of: joints and bodies asked for, no others have rows; all and the slides by default.
+        of: joints and bodies that have rows; by default all, and the slides, which else have none.
 
     Example:
         >>> from importlib.resources import files

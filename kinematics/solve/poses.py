@@ -23,7 +23,7 @@ BLOCK = 8192
 """Poses computed at a time, so that what lies between inputs and results stays in the cache."""
 
 
-FEW = 1024
+FEW = 512
 """Fewer poses are computed at once. More go through a loop, even if twice only: outside of one XLA
 computes the sines anew for every output."""
 

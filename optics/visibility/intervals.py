@@ -115,7 +115,8 @@ def bounds_of_gap(
 ) -> tuple[Int[Array, ""], Int[Array, ""]]:
     """Labels of what bounds one of the `gaps` of positive length.
 
-    No shadow beyond such a gap ends where it starts, so that all can be asked alike. Candidates are
+    Start and end are the very numbers that `gaps` returns, and shadows that count have some length:
+    then none beyond the gap ends where it starts, so that all can be asked alike. Candidates are
     many, and gaps few: looking up the labels of all takes longer than finding them.
     """
     before = _label_at(active & (shadows.end == start), shadows.end_label, 0)

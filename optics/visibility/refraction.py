@@ -108,7 +108,7 @@ class Stack(eqx.Module):
             step = (x - still.along(w)) / still.rise(w)
             return number + 1, w + step, step
 
-        # What is missing after so small a step is less than rounding, for it is its square.
+        # After a step of a share s of w, 3/2 s² of w is missing at most, for |w x″ / 2 x′| ≤ 3/2.
         enough = jnp.sqrt(jnp.finfo(x.dtype).eps)
         first = jnp.zeros((), int), start, jnp.full_like(start, jnp.inf)
         root = jnp.sign(along) * jax.lax.while_loop(rises, climb, first)[1]

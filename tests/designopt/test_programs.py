@@ -150,11 +150,16 @@ def test_what_cannot_be_compiled_is_answered_still():
 
 
 def test_options_unknown_to_xla_are_left_out(monkeypatch):
-    monkeypatch.setattr("designopt.programs.QUICK", {"xla_no_such_option": True})
-    known_options.cache_clear()
+    known = {"xla_cpu_use_fusion_emitters": False}
+    monkeypatch.setattr("designopt.programs.QUICK", known | {"xla_no_such_option": True})
+    before = jax.config.values["jax_disable_most_optimizations"]
     try:
-        assert known_options() == {}
+        for without, expected in ((True, {}), (False, known)):
+            jax.config.update("jax_disable_most_optimizations", without)
+            known_options.cache_clear()
+            assert known_options() == expected
     finally:
+        jax.config.update("jax_disable_most_optimizations", before)
         known_options.cache_clear()
 
 

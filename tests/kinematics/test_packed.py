@@ -113,3 +113,8 @@ def test_only_what_is_asked_for_is_packed():
     assert {"A", "D"} & {name for name, _ in found.joints} == {"A"}
     with pytest.raises(KeyError):
         found.position("D")
+    # B depends on A, on fixed joints and on directions.
+    found = compile_poses(gallery("four-bar"), of=("B",))(np.array([[0.3], [0.4]]))
+    assert (found.joints, found.bodies, found.array.shape) == ((("B", 2),), (), (4, 2))
+    found = compile_poses(gallery("slider-crank"), of=("C",))(np.array([[0.3]]))
+    assert (found.joints, found.slides) == ((("C", 2),), ())

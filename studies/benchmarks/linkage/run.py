@@ -51,7 +51,7 @@ LEAST_RATIOS = {
 }
 """By linkage and method the metric's name and the least run time over that of the closed form."""
 
-MOST_PACKED = 1.5
+MOST_PACKED_RATIO = 1.5
 MOST_GRADIENT = 4.0
 FIRST_CALLS = {"four-bar": ("0, 360", 1.5), "finger": ("0, -90", 3.0)}
 """By file of the gallery the range of each input, degrees, and the target in seconds."""
@@ -70,7 +70,8 @@ def run(spec: LinkagePrecisionSpec, context: Context) -> Results:
     main = rows.where(dtype="float64", longest=True)
     ratios = compare_times(main)
     claims = add_speed(out, main, ratios)
-    claims += add_short_sweeps(out, rows.where(longest=False))
+    add_short_sweeps(out, rows.where(longest=False))
+    claims += add_packed(out, rows.where(dtype="float64", asked="poses"))
     claims += add_gradients(out, ratios.where(asked="gradient"))
     with context.step("First calls in fresh processes"):
         claims += add_first_calls(out, spec.first_call)
@@ -166,35 +167,42 @@ def add_speed(out: Report, rows: Records, ratios: Records) -> list[Claim]:
         [seconds], [error] = own["seconds"], own["error"]
         words = {"ms": 1e3 * seconds, "rate": out["poses"] / seconds / 1e6, "error": error}
         out.say("speed", case=case, others=parts, floor=floor[1], **words)
-    compared = rows.where(~np.isin(rows["method"], (by.FLOOR, by.VALUE)))
+    others = (by.FLOOR, by.VALUE, by.PACKED)
+    compared = rows.where(~np.isin(rows["method"], others))
     closest = find_undominated(list(compared["row"]), by.OURS)
     fast = [out.claim("speed", judged, bool(holds))] if judged else []
     return [*fast, out.claim("closed-form", *closest)]
 
 
-def add_short_sweeps(out: Report, rows: Records) -> list[Claim]:
-    """The fastest method of each short sweep; the packed call beside pylinkage's fast steps."""
-    ratios = Records()
+def add_short_sweeps(out: Report, rows: Records) -> None:
+    """The fastest method of each short sweep."""
     for poses, own in rows.group("poses").items():
         winners = [name_fastest(case, part) for case, part in own.group("linkage").items()]
-        sweep = "one pose" if poses == 1 else f"{poses:,} poses"
-        out.say("fastest", sweep=sweep, winners="; ".join(winners))
-        for case, part in own.group("linkage").items():
-            packed, fast = (
-                part.where(method=name)["row"] for name in (by.PACKED, by.PYLINKAGE_FAST)
-            )
-            if not len(packed):
-                continue
-            both = ratio(packed[0], fast[0]) if len(fast) else None
-            words = {"case": case, "sweep": sweep, "most": MOST_PACKED}
-            name = f"{key(case)}_{poses}_packed_over_pylinkage"
-            out.metric(name, both and both["ratio"], "packed_over_pylinkage", **words)
-            if both:
-                ratios.add(pair=f"{case}, {sweep}", **both)
+        out.say("fastest", sweep=words_for(poses), winners="; ".join(winners))
+
+
+def add_packed(out: Report, rows: Records) -> list[Claim]:
+    """The packed call beside pylinkage's fast steps."""
+    ratios = Records()
+    for (poses, case), own in rows.group("poses", "linkage").items():
+        packed, fast = (own.where(method=name)["row"] for name in (by.PACKED, by.PYLINKAGE_FAST))
+        if not len(packed):
+            continue
+        both = ratio(packed[0], fast[0]) if len(fast) else None
+        words = {"case": case, "sweep": words_for(poses), "most": MOST_PACKED_RATIO}
+        name = f"{key(case)}_{poses}_packed_over_pylinkage"
+        out.metric(name, both and both["ratio"], "packed_over_pylinkage", **words)
+        if both:
+            ratios.add(pair=f"{case}, {words_for(poses)}", **both)
     if not len(ratios):
         return []
-    holds = ratios["ratio"].max() <= MOST_PACKED
-    return [out.claim("packed", spans(ratios, "pair"), bool(holds), most=MOST_PACKED)]
+    holds = ratios["ratio"].max() <= MOST_PACKED_RATIO
+    return [out.claim("packed", spans(ratios, "pair"), bool(holds), most=MOST_PACKED_RATIO)]
+
+
+def words_for(poses: int) -> str:
+    """A sweep by its number of poses."""
+    return "one pose" if poses == 1 else f"{poses:,} poses"
 
 
 def name_fastest(case: str, rows: Records) -> str:
