@@ -308,6 +308,16 @@ def _by_type(of_floats: Operation, of_integers: Operation) -> Rule:
     return rule
 
 
+def _of_integers(operation: Operation) -> Rule:
+    """Of a comparison in total order, in which floats have an order of their own."""
+
+    def rule(equation: JaxprEqn) -> Operation | None:
+        given: Any = equation.invars[0].aval
+        return operation if np.issubdtype(given.dtype, np.integer) else None
+
+    return rule
+
+
 RULES: dict[str, Rule] = {
     name: _plain(operation)
     for name, operation in {
@@ -365,6 +375,8 @@ RULES: dict[str, Rule] = {
     }.items()
 }
 RULES |= {
+    "le_to": _of_integers(np.less_equal),
+    "lt_to": _of_integers(np.less),
     "div": _by_type(np.true_divide, ops.quotient),
     "rem": _by_type(np.fmod, ops.remainder),
     "integer_pow": lambda equation: (

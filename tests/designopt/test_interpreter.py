@@ -196,6 +196,14 @@ CASES = {
         WHOLE,
     ),
     "with numbers that are none in order": (jnp.argsort, ODD),
+    "places in order": (
+        lambda x, w: (
+            jnp.searchsorted(jnp.cumsum(w * w), jnp.arange(6), method="scan_unrolled"),
+            jnp.searchsorted(jnp.sort(x.reshape(-1)), x[0]),
+        ),
+        X,
+        WHOLE,
+    ),
     "products": (
         lambda x, y, z: (x @ y.T, jnp.einsum("ij,ij->i", x, y), jnp.einsum("bij,bjk->bik", z, z)),
         X,

@@ -2,15 +2,18 @@
 
 import json
 import math
+import pickle
 import shutil
 from pathlib import Path
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from designopt.cli import run
+from designopt.interpreter import translate
 from optics import find_views, read_scene
 from optics.plot import trace_figures
 from optics.visibility import scene_trace as sight
@@ -325,3 +328,10 @@ def test_too_many_paths_are_refused(tmp_path, capsys):
     # 1 + 12 + 12·11 + … + 12·11⁵
     paths = f"{1 + 12 * (11**6 - 1) // 10:,} paths"
     check_command_refused(capsys, "trace many.toml --bounces 6", [paths])
+
+
+def test_what_is_seen_is_numpys_alone():
+    """No step of the program is JAX's: it can be kept."""
+    scene = read_scene(SCENES / "finger.toml")
+    seen = jax.make_jaxpr(lambda angles: find_views(scene, angles).value)(jnp.zeros((2, 2)))
+    assert pickle.dumps(translate(seen))
