@@ -308,14 +308,10 @@ def _by_type(of_floats: Operation, of_integers: Operation) -> Rule:
     return rule
 
 
-def _of_integers(operation: Operation) -> Rule:
-    """Of a comparison in total order, in which floats have an order of their own."""
-
-    def rule(equation: JaxprEqn) -> Operation | None:
-        given: Any = equation.invars[0].aval
-        return operation if np.issubdtype(given.dtype, np.integer) else None
-
-    return rule
+def _le_to(equation: JaxprEqn) -> Operation | None:
+    """In total order, in which floats have an order of their own."""
+    given: Any = equation.invars[0].aval
+    return np.less_equal if np.issubdtype(given.dtype, np.integer) else None
 
 
 RULES: dict[str, Rule] = {
@@ -375,8 +371,7 @@ RULES: dict[str, Rule] = {
     }.items()
 }
 RULES |= {
-    "le_to": _of_integers(np.less_equal),
-    "lt_to": _of_integers(np.less),
+    "le_to": _le_to,
     "div": _by_type(np.true_divide, ops.quotient),
     "rem": _by_type(np.fmod, ops.remainder),
     "integer_pow": lambda equation: (
