@@ -144,16 +144,14 @@ def known_options() -> dict[str, Any]:
     if jax.config.values["jax_disable_most_optimizations"]:
         return {}
 
-    def are_known(options: dict[str, Any]) -> bool:
+    def is_known(name: str) -> bool:
         try:
-            jax.jit(jnp.negative, compiler_options=options)(0.0)
+            jax.jit(jnp.negative, compiler_options={name: QUICK[name]})(0.0)
         except jax.errors.JaxRuntimeError:
             return False
         return True
 
-    if are_known(QUICK):
-        return QUICK
-    return dict(option for option in QUICK.items() if are_known(dict([option])))
+    return {name: value for name, value in QUICK.items() if is_known(name)}
 
 
 class QuickJit:

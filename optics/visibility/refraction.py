@@ -37,7 +37,7 @@ from optics.scene.scene import Scene
 Points = Float[Array, " points"]
 
 STEPS = 32
-"""Newton steps at most. Of 600,000 random stacks, heights down to 1e-8 of the offset, none took
+"""Newton steps at most. Of 600,000 random stacks, heights down to 1e-8 of the offset, none needed
 more than 14, and none more than 20 where, besides, layers hardly bend, down to 1e-8."""
 
 

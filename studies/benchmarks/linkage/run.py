@@ -167,8 +167,7 @@ def add_speed(out: Report, rows: Records, ratios: Records) -> list[Claim]:
         [seconds], [error] = own["seconds"], own["error"]
         words = {"ms": 1e3 * seconds, "rate": out["poses"] / seconds / 1e6, "error": error}
         out.say("speed", case=case, others=parts, floor=floor[1], **words)
-    others = (by.FLOOR, by.VALUE, by.PACKED)
-    compared = rows.where(~np.isin(rows["method"], others))
+    compared = rows.where(~np.isin(rows["method"], (by.FLOOR, by.VALUE, by.PACKED)))
     closest = find_undominated(list(compared["row"]), by.OURS)
     fast = [out.claim("speed", judged, bool(holds))] if judged else []
     return [*fast, out.claim("closed-form", *closest)]
